@@ -1,4 +1,4 @@
-// Boundaries of a room, seen by a camera whose calibration errors are known.
+// Boundaries of a room by a camera with known calibration errors.
 #include "estimation/boundary_correction.h"
 
 #include <gtest/gtest.h>
@@ -69,7 +69,7 @@ TEST(BoundaryCorrection, LeavesASecondOrderRemainder) {
   }
 }
 
-TEST(BoundaryCorrection, TakesAllErrorsOffTogether) {
+TEST(BoundaryCorrection, CorrectsAllErrorsTogether) {
   WrongCamera camera;
   camera.error << 0.003, -0.005, 0.002, -0.003;
   const Remainder both = remainder(camera);
@@ -81,7 +81,7 @@ TEST(BoundaryCorrection, TakesAllErrorsOffTogether) {
 }
 
 TEST(BoundaryCorrection, ScalesTheBoundaryByTheHeight) {
-  // A height that is 1 % too large shows everything 1 % too far away: closed form.
+  // A height that is 1 % too large makes all ranges 1 % too large: closed form.
   const Boundary exact = seenBy({}, wallsAround(), kScanner, kStatedSigma);
   Boundary corrected;
   correctBoundary(exact, {0.0, 0.01, 0.0, 0.0}, 0.5, lens::Spread(), corrected);
@@ -107,7 +107,7 @@ TEST(BoundaryCorrection, LeavesLasersAndZeroErrorsUnchanged) {
   expectEqual(corrected);
 }
 
-TEST(BoundaryCorrection, KeepsBearingsThatMeasureNothing) {
+TEST(BoundaryCorrection, KeepsBearingsWithoutMeasurement) {
   WrongCamera camera;
   camera.error << 0.003, 0.002, 0.004, -0.003;
   const Boundary whole = seenBy(camera, wallsAround(), kScanner, kStatedSigma);

@@ -81,7 +81,7 @@ testing::Prism box(double x, double y, double turn, double height) {
 
 constexpr double kRounding = 1e-5;  // of differences over 1e-7 with residuals of some hundreds
 
-TEST(Factors, DerivativesAgreeWithDifferences) {
+TEST(Factors, DerivativesAgreeWithNumericDifferences) {
   const Pose2 measured{0.3, -0.1, 0.4}, offset{0.05, 0.02, -0.1};
   const Eigen::Vector3d a(1.0, 2.0, 3.0), b(1.4, 1.9, 3.3);
   const Eigen::Matrix2d small = someCovariance().topLeftCorner<2, 2>();
@@ -105,8 +105,8 @@ TEST(Factors, DerivativesAgreeWithDifferences) {
             kRounding);
 }
 
-// What a detector with every flaw tells, worked out by poses alone; seenAt() undoes it.
-TEST(Factors, ARangeAndBearingIsWhatTheFlawedDetectorTells) {
+// The measurement of a detector with all errors of the model, computed by poses; seenAt() inverts it.
+TEST(Factors, RangeBearingResidualVanishesForTheDetectorModel) {
   DetectorModel detector;
   detector << 0.02, 0.03, -0.04, 0.9, 0.05, 0.08, 0.06, -0.02;
   const Pose2 at{1.0, 2.0, 0.6};
@@ -118,33 +118,33 @@ TEST(Factors, ARangeAndBearingIsWhatTheFlawedDetectorTells) {
       arc(twist.x() * detector(5) - 0.13 * turned, twist.x() * detector(5) + 0.13 * turned, 0.26).inverse();
   const Eigen::Vector2d d = then.inverse() * target - detector.tail<2>();
   const double range = d.norm(), beta = std::atan2(d.y(), d.x());
-  const Eigen::Vector2d told(range * (1.0 - 0.04 - 0.9 * (1.0 - std::cos(beta - 0.05))),
-                             beta + 0.02 + 0.015 * std::sin(2.0 * beta));
-  const auto factor = rangeBearingPointFactor({told, Eigen::Matrix2d::Identity(), {}, twist});
+  const Eigen::Vector2d measured(range * (1.0 - 0.04 - 0.9 * (1.0 - std::cos(beta - 0.05))),
+                                 beta + 0.02 + 0.015 * std::sin(2.0 * beta));
+  const auto factor = rangeBearingPointFactor({measured, Eigen::Matrix2d::Identity(), {}, twist});
   const Eigen::Vector3d pose = at.vector();
   const double* parameters[] = {pose.data(), target.data(), detector.data()};
   Eigen::Vector2d residual;
   ASSERT_TRUE(factor->Evaluate(parameters, residual.data(), nullptr));
-  EXPECT_LT(residual.norm(), 5e-4);  // first order in the lag: ½·0.08²·0.2·0.5 m and what it turns
-  EXPECT_LT((then * seenAt(told, detector) - target).norm(), 1e-9);
-  EXPECT_LT((at * seenAt(told, detector, twist) - target).norm(), 2e-3);  // likewise, ½·(0.08·0.5)²·2 m
+  EXPECT_LT(residual.norm(), 5e-4);  // first order in the lag: ½·0.08²·0.2·0.5 m and the turn
+  EXPECT_LT((then * seenAt(measured, detector) - target).norm(), 1e-9);
+  EXPECT_LT((at * seenAt(measured, detector, twist) - target).norm(), 2e-3);  // likewise, ½·(0.08·0.5)²·2 m
 }
 
-TEST(Factors, PrismDerivativesAgreeWithDifferences) {
-  const Pose2 seen_from{0.1, 0.2, 0.7}, other{1.9, 0.1, 2.0};
+TEST(Factors, PrismDerivativesAgreeWithNumericDifferences) {
+  const Pose2 viewpoint{0.1, 0.2, 0.7}, other{1.9, 0.1, 2.0};
   const auto prism = box(1.0, 0.4, 0.3, 0.2);
-  const auto view = std::make_shared<const View>(viewOf(prism, seen_from, {0.03, 0.01}, 0.5));
+  const auto view = std::make_shared<const View>(viewOf(prism, viewpoint, {0.03, 0.01}, 0.5));
   auto shape = std::make_shared<Shape>();
   const Pose2 landmark_from_map = Pose2{1.01, 0.38, 0.05}.inverse();
   shape->begin(1.0);
-  shape->add(*view, landmark_from_map * seen_from, 0.2);
+  shape->add(*view, landmark_from_map * viewpoint, 0.2);
   shape->add(viewOf(prism, other, {0.0, 0.0}, 0.5), landmark_from_map * other, 0.2);
   shape->finish();
   CameraError camera;
   camera << 0.003, -0.006, 0.004, -0.002, 0.001;
   const Eigen::VectorXd size = Eigen::VectorXd::Constant(1, 1.013);
   const LandmarkViewFactor mark(view, shape, 48);
-  // Kinks (contact to far side, corner to corner) are not hit at this generic place.
+  // This pose is away from kinks (contact to far side, corner to corner).
   EXPECT_LT(derivativeError(mark, {Eigen::Vector3d(0.105, 0.203, 0.7012),
                                    Eigen::Vector4d(1.012, 0.383, 0.21, 0.057), camera, size}),
             kRounding);
@@ -162,15 +162,16 @@ TEST(Factors, PrismResidualsVanishAtTheTruthFromEverySide) {
   const Pose2 map_from_landmark{1.0, 0.4, 0.3};
   auto shape = std::make_shared<Shape>();
   shape->begin(1.0);
-  for (int i = 0; i < 12; ++i) {  // all sides, so that A and Q are no longer those of one view
+  for (int i = 0; i < 12; ++i) {  // views from all sides, so that A and Q combine several views
     const double a = i * M_PI / 6;
     const Pose2 at{1.0 + 0.9 * std::cos(a), 0.4 + 0.9 * std::sin(a), 0.4 * i};
     shape->add(viewOf(prism, at, {0, 0}, 0.5), map_from_landmark.inverse() * at, 0.2);
   }
   shape->finish();
-  const Pose2 fresh{0.2, 1.1, -0.3};
-  LandmarkViewFactor factor(std::make_shared<const View>(viewOf(prism, fresh, {0.0, 0.0}, 0.5)), shape, 96);
-  const Eigen::Vector3d pose = fresh.vector();
+  const Pose2 new_view{0.2, 1.1, -0.3};
+  LandmarkViewFactor factor(std::make_shared<const View>(viewOf(prism, new_view, {0.0, 0.0}, 0.5)), shape,
+                            96);
+  const Eigen::Vector3d pose = new_view.vector();
   const Eigen::Vector4d mark(1.0, 0.4, 0.2, 0.3);
   const CameraError camera = CameraError::Zero();
   const double size = 1.0;
@@ -180,8 +181,9 @@ TEST(Factors, PrismResidualsVanishAtTheTruthFromEverySide) {
   EXPECT_LT(factor.reweight(values), 0.002);
 }
 
-/// The residuals of a view of a box from 0.9 m: of a landmark, and of a robot whose body is not the box.
-Eigen::VectorXd residualsOnAFloor(double scale, bool of_robot) {
+/// The residuals of a view of a box from 0.9 m: of a landmark, or of a robot whose body is not the box.
+/// @param scale of all lengths, camera height included
+Eigen::VectorXd residualsAtScale(double scale, bool of_robot) {
   const Pose2 at{0.2, 1.1, -0.3}, other{1.9, 0.1, 2.0}, map_from_landmark{1.0, 0.4, 0.3};
   const auto prism = box(1.0, 0.4, 0.3, 0.2);
   const auto view = std::make_shared<const View>(viewOf(prism, at, {0.0, 0.0}, 0.5));
@@ -208,17 +210,16 @@ Eigen::VectorXd residualsOnAFloor(double scale, bool of_robot) {
   return residuals;
 }
 
-TEST(Factors, AViewFitsAFloorTakenForSmallerNeitherBetterNorWorse) {
-  // Nothing that is seen tells how large the world is: a camera said to be lower, and all nearer and smaller.
+TEST(Factors, ViewResidualsAreInvariantToScale) {
+  // Views do not determine the scale: a lower camera with a smaller world gives the same residuals.
   for (const bool of_robot : {false, true}) {
-    const Eigen::VectorXd whole = residualsOnAFloor(1.0, of_robot),
-                          smaller = residualsOnAFloor(0.97, of_robot);
-    EXPECT_GT(whole.norm(), 0.1) << "errors that could shrink";
+    const Eigen::VectorXd whole = residualsAtScale(1.0, of_robot), smaller = residualsAtScale(0.97, of_robot);
+    EXPECT_GT(whole.norm(), 0.1) << "residuals that the scale could reduce";
     EXPECT_LT((whole - smaller).norm(), 1e-9 * whole.norm());
   }
 }
 
-TEST(Factors, WhatALaserSeesSaysNothingOfACamera) {
+TEST(Factors, LaserViewsDoNotDependOnCameraErrors) {
   const Pose2 at{0.2, 1.1, -0.3}, nearby{0.22, 1.09, -0.29};
   const auto view = std::make_shared<const View>(viewOf(box(1.0, 0.4, 0.3, 0.2), at, {0.0, 0.0}, 0.0));
   auto shape = std::make_shared<Shape>();
@@ -237,14 +238,14 @@ TEST(Factors, WhatALaserSeesSaysNothingOfACamera) {
     factor.Evaluate(values, residuals.data(), outputs);
     return derivatives;
   };
-  Eigen::VectorXd exact(rows), flawed(rows);
+  Eigen::VectorXd exact(rows), miscalibrated(rows);
   EXPECT_EQ(evaluate(CameraError::Zero(), exact).norm(), 0.0);
-  evaluate(CameraError::Constant(0.1), flawed);
-  EXPECT_GT(exact.norm(), 0.1) << "residuals that a larger floor could shrink";
-  EXPECT_EQ((exact - flawed).norm(), 0.0);
+  evaluate(CameraError::Constant(0.1), miscalibrated);
+  EXPECT_GT(exact.norm(), 0.1) << "residuals that the scale could reduce";
+  EXPECT_EQ((exact - miscalibrated).norm(), 0.0);
 }
 
-TEST(Factors, WheelsFitAWayTakenForShorterNeitherBetterNorWorse) {
+TEST(Factors, WheelResidualsAreInvariantToScale) {
   const Pose2 measured{0.1, 0.0, 0.0};
   WheelJacobian by_model = WheelJacobian::Zero();
   by_model.leftCols<2>() = arcBiasJacobian(0.1, 0.1, 0.26);
@@ -261,8 +262,8 @@ TEST(Factors, WheelsFitAWayTakenForShorterNeitherBetterNorWorse) {
   EXPECT_LT((residual(1.0) - residual(0.97)).norm(), 1e-9);
 }
 
-TEST(Factors, AShapeThatHasGrownKeepsWhatItWasMadeOf) {
-  // Frozen at 1 and formed at 1.02: all of it is larger, seen from where it was seen.
+TEST(Factors, FrozenViewsScaleWithTheShape) {
+  // Frozen at scale 1 and formed at scale 1.02: all support values are larger.
   const auto prism = box(1.0, 0.4, 0.3, 0.2);
   const Pose2 landmark_from_base = Pose2{1.0, 0.4, 0.0}.inverse() * Pose2{0.2, 1.1, -0.3};
   const View view = viewOf(prism, {0.2, 1.1, -0.3}, {0.0, 0.0}, 0.5);
@@ -275,14 +276,14 @@ TEST(Factors, AShapeThatHasGrownKeepsWhatItWasMadeOf) {
   shape.begin(1.02);
   shape.finish();
   EXPECT_NEAR(shape.a(10), 1.02 * before, 1e-12);
-  shape.freeze(view, landmark_from_base, 0.2, 1.02);  // the same outline, of something larger than it was:
-  shape.begin(1.0);                                   // by its first size it was smaller
+  shape.freeze(view, landmark_from_base, 0.2, 1.02);  // the same outline at a larger scale:
+  shape.begin(1.0);                                   // at the first scale it is smaller
   shape.finish();
   EXPECT_LT(shape.a(10), before);
   EXPECT_GT(shape.a(10), before / 1.02);
 }
 
-TEST(Factors, ArcsComposeAndTurnWithTheWheels) {
+TEST(Factors, ArcsComposeAndFollowWheelBias) {
   const Pose2 whole = arc(0.3, 0.4, 0.26), half = arc(0.15, 0.2, 0.26);
   const Pose2 twice = half * half;  // constant curvature: two halves are the whole, exactly
   EXPECT_NEAR(whole.x_m, twice.x_m, 1e-12);
@@ -297,8 +298,8 @@ TEST(Factors, ArcsComposeAndTurnWithTheWheels) {
   EXPECT_NEAR(biased.theta_rad, first_order.theta_rad, 5e-6);
 }
 
-/// The support of a point is n·p, and so is that of every corner of its half-planes.
-TEST(View, ATurnedGridGivesThePointThatAllHalfPlanesTouch) {
+/// The support value of a point p is n·p, and so is that interpolated on a turned grid.
+TEST(View, TurnedGridInterpolatesThePointExactly) {
   const Eigen::Vector2d p(0.3, -0.7);
   for (const auto& [from, to] : {std::pair(96, 96), std::pair(48, 96), std::pair(96, 36), std::pair(7, 96)}) {
     for (const double turn : {-9.1, -0.02, 0.0, 0.4, 3.3, 7.0}) {
@@ -319,7 +320,7 @@ TEST(View, ATurnedGridGivesThePointThatAllHalfPlanesTouch) {
   }
 }
 
-TEST(View, BodyIsFoundInItsSilhouette) {
+TEST(View, BodyIsFittedToItsSilhouette) {
   RobotBody body;
   body.radius_m = 0.15;
   body.height_m = 0.3;
@@ -332,17 +333,17 @@ TEST(View, BodyIsFoundInItsSilhouette) {
   EXPECT_NEAR((fit.position_m - peer.centre_m).norm(), 0.0,
               1e-4);  // closed form: only the weights' rounding is left
   EXPECT_LT(fit.rms_m, 1e-4);
-  const View wall = viewOf(box(0.9, -0.5, 0.2, 0.1), Pose2{}, {0.0, 0.0}, 0.5);
-  EXPECT_GT(fitBody(wall, Body(body), 0.0, {0.9, -0.5}).rms_m, 0.05);  // below 5 cm is a robot
+  const View other = viewOf(box(0.9, -0.5, 0.2, 0.1), Pose2{}, {0.0, 0.0}, 0.5);
+  EXPECT_GT(fitBody(other, Body(body), 0.0, {0.9, -0.5}).rms_m, 0.05);  // below 5 cm is a robot
 }
 
-TEST(View, FootprintOfOneViewIsExactAtTheRightHeight) {
+TEST(View, FootprintOfOneViewIsExactAtTheCorrectHeight) {
   const auto prism = box(0.8, 0.6, 0.5, 0.25);
   const Footprint footprint(viewOf(prism, Pose2{}, {0.0, 0.0}, 0.5));
   ASSERT_TRUE(footprint.whole);
   EXPECT_LT((footprint.centre(0.25) - prism.centre_m).norm(),
             1e-3);                                                   // 96 directions sum the integral to 1 mm
-  EXPECT_GT((footprint.centre(0.10) - prism.centre_m).norm(), 0.1);  // what a wrong height costs
+  EXPECT_GT((footprint.centre(0.10) - prism.centre_m).norm(), 0.1);  // error by a wrong height
 }
 
 }  // namespace

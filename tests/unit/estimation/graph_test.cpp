@@ -22,7 +22,7 @@ std::unique_ptr<ceres::CostFunction> difference(double measured, double sigma) {
                                       std::vector<Eigen::VectorXd>{scalar(0), scalar(0)});
 }
 
-TEST(Graph, AChainHasTheMeansAndVariancesOfSums) {
+TEST(Graph, ChainHasMeansAndVariancesOfSums) {
   Graph graph;
   const auto a = graph.addVariable(scalar(5)), b = graph.addVariable(scalar(-3)),
              c = graph.addVariable(scalar(9));
@@ -30,12 +30,12 @@ TEST(Graph, AChainHasTheMeansAndVariancesOfSums) {
   graph.addFactor(difference(2.0, 0.2), {a, b});
   graph.addFactor(difference(3.0, 0.3), {b, c});
   graph.solve(10);
-  EXPECT_NEAR(graph.value(c)(0), 6.0, 1e-6);  // what Levenberg–Marquardt's damping leaves
+  EXPECT_NEAR(graph.value(c)(0), 6.0, 1e-6);  // tolerance for the damping of Levenberg–Marquardt
   EXPECT_NEAR(graph.covariance({c})(0, 0), 0.01 + 0.04 + 0.09, 1e-8);
   EXPECT_NEAR(graph.covariance({b, c})(0, 1), 0.01 + 0.04, 1e-8);
 }
 
-TEST(Graph, MarginalisingLosesNothingOfALinearProblem) {
+TEST(Graph, MarginalisationIsExactForLinearProblems) {
   const auto build = [](Graph& graph, std::vector<VariableId>& v) {
     for (int i = 0; i < 6; ++i) v.push_back(graph.addVariable(scalar(0.3 * i * i)));
     graph.addFactor(priorFactor(scalar(1.0), scalar(0.5)), {v[0]});
@@ -59,8 +59,8 @@ TEST(Graph, MarginalisingLosesNothingOfALinearProblem) {
   EXPECT_NEAR(whole.covariance({v[5]})(0, 0), part.covariance({w[5]})(0, 0), 1e-8);
 }
 
-TEST(Graph, AChainOfPosesKeepsItsCovarianceThroughTheWindow) {
-  // Dead reckoning of two robots: covariances of the newest poses with and without a window must agree.
+TEST(Graph, SlidingWindowKeepsTheCovarianceOfDeadReckoning) {
+  // Covariances of the newest pose with and without a window must agree.
   const Eigen::Matrix3d step = Eigen::Vector3d(1e-6, 4e-7, 3e-5).asDiagonal();
   const auto covariance = [&](std::size_t window) {
     Graph graph;
@@ -91,17 +91,17 @@ TEST(Graph, AChainOfPosesKeepsItsCovarianceThroughTheWindow) {
   EXPECT_LT((whole - part).cwiseAbs().maxCoeff(), 1e-6 * whole.cwiseAbs().maxCoeff());
 }
 
-TEST(Graph, AnOutlierUnderCauchyLosesItsVote) {
+TEST(Graph, CauchyKernelSuppressesAnOutlier) {
   Graph graph;
   const auto a = graph.addVariable(scalar(0));
   for (int i = 0; i < 5; ++i) graph.addFactor(priorFactor(scalar(1.0 + 0.01 * i), scalar(0.05)), {a}, 2.0);
   graph.addFactor(priorFactor(scalar(50.0), scalar(0.05)), {a}, 2.0);
   graph.solve(50);
-  // Cauchy's pull of a residual of 980 σ is 4/980 σ⁻¹ against 5 σ⁻² per σ: below a tenth of a millimetre.
+  // The gradient of Cauchy's loss at 980 σ is 4/980 σ⁻¹, against 5 σ⁻² per σ: below a tenth of a millimetre.
   EXPECT_NEAR(graph.value(a)(0), 1.02, 1e-3);
 }
 
-/// A chain of numbers, the last two kept when the rest is condensed; then one more comes.
+/// A chain of scalars. condense() keeps the last two; extend() adds one more.
 struct Chain {
   Graph graph;
   std::vector<VariableId> v;
@@ -123,7 +123,7 @@ struct Chain {
   }
 };
 
-TEST(Graph, TheNewestBySolvingWhatWasCondensedIsTheNewestOfTheWhole) {
+TEST(Graph, SolveNewestAgreesWithSolvingTheWholeGraph) {
   Chain whole, quick;
   quick.condense();
   whole.extend();
@@ -132,21 +132,21 @@ TEST(Graph, TheNewestBySolvingWhatWasCondensedIsTheNewestOfTheWhole) {
   ASSERT_TRUE(quick.graph.solveNewest(1));
   for (std::size_t i = 3; i < 6; ++i)
     EXPECT_NEAR(whole.graph.value(whole.v[i])(0), quick.graph.value(quick.v[i])(0), 2e-6) << i;  // damping
-  EXPECT_EQ(quick.graph.value(quick.v[0])(0), 0.0);  // waits for solve()
+  EXPECT_EQ(quick.graph.value(quick.v[0])(0), 0.0);  // unchanged until solve()
   const Eigen::MatrixXd expected = whole.graph.covariance({whole.v[5], whole.v[3]});
   EXPECT_LT((expected - quick.graph.newestCovariance({quick.v[5], quick.v[3]})).norm(), 1e-8);
 }
 
-TEST(Graph, WhatWasCondensedIsNotAskedOnceItHasChanged) {
-  Chain none, taken_back, outside, marginalised;
+TEST(Graph, SolveNewestFailsAfterChangesOfTheCondensedPart) {
+  Chain none, removed, outside, marginalised;
   none.extend();
   EXPECT_FALSE(none.graph.solveNewest(3));
-  for (Chain* chain : {&taken_back, &outside, &marginalised}) {
+  for (Chain* chain : {&removed, &outside, &marginalised}) {
     chain->condense();
     chain->extend();
   }
-  taken_back.graph.removeFactor(taken_back.old);
-  EXPECT_FALSE(taken_back.graph.solveNewest(3));
+  removed.graph.removeFactor(removed.old);
+  EXPECT_FALSE(removed.graph.solveNewest(3));
   outside.graph.addFactor(difference(4.0, 0.3), {outside.v[1], outside.v[5]});
   EXPECT_FALSE(outside.graph.solveNewest(3));
   marginalised.graph.marginalise({marginalised.v[0]});
@@ -154,7 +154,7 @@ TEST(Graph, WhatWasCondensedIsNotAskedOnceItHasChanged) {
   EXPECT_EQ(marginalised.graph.value(marginalised.v[5])(0), -2.0);
 }
 
-TEST(Graph, AFactorWithoutVariablesThatStayVanishes) {
+TEST(Graph, MarginalisationRemovesFactorsWithoutRemainingVariables) {
   Graph graph;
   const auto a = graph.addVariable(scalar(0)), b = graph.addVariable(scalar(1));
   graph.addFactor(priorFactor(scalar(1.0), scalar(0.1)), {a});

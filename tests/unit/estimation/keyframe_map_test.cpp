@@ -1,4 +1,4 @@
-// Keyframes: which of them a frame may be matched against, and how the graph places them.
+// Keyframes: selection of references for a frame, and poses by the graph.
 #include "estimation/keyframe_map.h"
 
 #include <gtest/gtest.h>
@@ -115,7 +115,7 @@ TEST(KeyframeMap, ReferencesTakeTheBestOfSeveralPaths) {
   EXPECT_FALSE(isReference(8));
 }
 
-TEST(KeyframeMap, ReferencesInMapNeedACertainPlace) {
+TEST(KeyframeMap, ReferencesInMapNeedACertainPose) {
   const BareChain chain = keyframeCircle(16);
   const KeyframeMap& map = chain.map;
   const double trust_m2 = map.options().trust_m * map.options().trust_m;
@@ -219,7 +219,7 @@ TEST(KeyframeMap, UnrelatedAreTheComplementWithinARadius) {
   EXPECT_TRUE(contains(chain.map.unrelated(15, 0.0, chain.map.pose(15), 0.3), 0)) << "a loop to close";
 }
 
-TEST(KeyframeMap, WantsFramesThatAreFarFromReferencesAndShowEnough) {
+TEST(KeyframeMap, WantsFramesFarFromReferencesWithEnoughLines) {
   std::mt19937 random(1);
   KeyframeOptions options;
   options.spacing_m = 0.25;
@@ -238,7 +238,7 @@ TEST(KeyframeMap, WantsFramesThatAreFarFromReferencesAndShowEnough) {
   EXPECT_FALSE(KeyframeMap(options).wants(Pose2{}, {}, scan));
 }
 
-/// Keyframes along a way through the room whose odometry is wrong by 3 cm and 1° each time.
+/// Keyframes along a path through the room with odometry errors of 3 cm and 1° per step.
 KeyframeMap mapped(const std::vector<Pose2>& truth, bool with_pairs, const Pose2& base_from_scan = {}) {
   std::mt19937 random(5);
   KeyframeMap map{KeyframeOptions{}};
@@ -261,13 +261,13 @@ KeyframeMap mapped(const std::vector<Pose2>& truth, bool with_pairs, const Pose2
   return map;
 }
 
-std::vector<Pose2> wayThroughTheRoom() {
-  std::vector<Pose2> way;
+std::vector<Pose2> pathThroughTheRoom() {
+  std::vector<Pose2> path;
   for (int k = 0; k < 10; ++k) {
     const double a = 0.45 * k;
-    way.push_back({-0.2 + 0.7 * std::cos(a), 0.6 * std::sin(a) - 0.1, wrapAngle(a)});
+    path.push_back({-0.2 + 0.7 * std::cos(a), 0.6 * std::sin(a) - 0.1, wrapAngle(a)});
   }
-  return way;
+  return path;
 }
 
 double largestError(const KeyframeMap& map, const std::vector<Pose2>& truth) {
@@ -278,14 +278,14 @@ double largestError(const KeyframeMap& map, const std::vector<Pose2>& truth) {
 }
 
 TEST(KeyframeMap, MatchesNewKeyframesAgainstTheirNeighbours) {
-  const std::vector<Pose2> truth = wayThroughTheRoom();
+  const std::vector<Pose2> truth = pathThroughTheRoom();
   EXPECT_GT(largestError(mapped(truth, false), truth), 0.03) << "odometry alone";
   // Single matches are exact to about 1 mm with this noise (0.003/m).
   EXPECT_LT(largestError(mapped(truth, true), truth), 0.003);
 }
 
 TEST(KeyframeMap, AllowsForTheMountOfTheScanner) {
-  const std::vector<Pose2> truth = wayThroughTheRoom();
+  const std::vector<Pose2> truth = pathThroughTheRoom();
   const Pose2 mount{0.12, -0.08, 0.0};
   const KeyframeMap map = mapped(truth, true, mount);
   EXPECT_LT(largestError(map, truth), 0.003);
@@ -295,18 +295,18 @@ TEST(KeyframeMap, AllowsForTheMountOfTheScanner) {
   EXPECT_GT(reference.scan->lines(), 400U);
 }
 
-TEST(KeyframeMap, CorrectsDriftWhenALoopCloses) {
+TEST(KeyframeMap, CorrectsDriftAfterLoopClosure) {
   BareChain chain = keyframeCircle(16, {}, 0.004);
   EXPECT_NEAR(chain.farthest(), 15 * 0.004, 1e-6) << "at the open end";
   const std::uint32_t revision = chain.map.revision();
   chain.map.closeLoop(0, 15, chain.truth[0].inverse() * chain.truth[15], diagonal(0.001, 0.001));
-  // All steps have the same σ and the same drift, so each one takes its share of the correction. Headings,
-  // which are not exact either, take a part of it.
+  // All steps have the same σ and the same drift, so the correction is distributed equally. Headings, which
+  // are not exact either, take a part of it.
   EXPECT_LT(chain.farthest(), 0.006);
   EXPECT_GT(chain.map.revision(), revision) << "poses moved";
 }
 
-TEST(KeyframeMap, UncertaintyGrowsAlongAChainAndShrinksWhenItCloses) {
+TEST(KeyframeMap, CovarianceGrowsAlongAChainAndDecreasesAfterLoopClosure) {
   BareChain chain = keyframeCircle(16);
   const auto variance = [&](Id k) { return chain.map.covariance(k).topLeftCorner<2, 2>().trace(); };
   std::vector<double> open;
@@ -315,7 +315,7 @@ TEST(KeyframeMap, UncertaintyGrowsAlongAChainAndShrinksWhenItCloses) {
   EXPECT_GT(open[15], 10.0 * open[1]);
   chain.map.closeLoop(0, 15, chain.truth[0].inverse() * chain.truth[15], diagonal(kLinkSigma, 0.002));
   for (Id k = 1; k < chain.map.size(); ++k) EXPECT_LT(variance(k), open[k]) << k;
-  // Two ways of 1 and 15 links in parallel: 15/16 of one link, and little from the headings.
+  // Two paths of 1 and 15 links in parallel: 15/16 of one link, and little from the headings.
   EXPECT_NEAR(variance(15), 2.0 * 15.0 / 16.0 * kLinkSigma * kLinkSigma, 0.1 * variance(15));
 }
 

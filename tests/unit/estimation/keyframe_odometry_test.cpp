@@ -1,5 +1,5 @@
-// Wheels that are read at another time than the scans turn each frame on their way, independently from frame
-// to frame. A chain of keyframes is simulated with such jitter and compared with closed forms.
+// Wheels and scans have different clocks, which causes independent jitter of each frame. A chain of keyframes
+// is simulated with such jitter and compared with closed forms.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -37,7 +37,7 @@ struct ChainSetup {
   std::optional<double> match_rad;  ///< σ of the turns by these matches
 };
 
-/// A way of kLinks steps of 0.3 m on a wide arc.
+/// A path of kLinks steps of 0.3 m on a wide arc.
 struct OdometryChain {
   KeyframeMap map{KeyframeOptions{}};
   std::vector<Pose2> truth{Pose2{0.5, -0.3, 0.2}};
@@ -129,7 +129,7 @@ TEST(KeyframeOdometry, HoldsTheHeadingOfAChainOfMatches) {
   EXPECT_LT(frames.sigma_rad, 0.4 * links.sigma_rad);
 }
 
-TEST(KeyframeOdometry, JitterThatIsLearntLaterAppliesToEarlierKeyframes) {
+TEST(KeyframeOdometry, JitterLearntLaterAppliesToEarlierKeyframes) {
   OdometryChain chain(1, {});
   chain.map.setJitter(0, squaresOf(0.1 * kJitter_m, 0.1 * kJitter_rad));
   chain.map.setJitter(1, squaresOf(10.0, 1.0));  // another robot's
@@ -139,7 +139,7 @@ TEST(KeyframeOdometry, JitterThatIsLearntLaterAppliesToEarlierKeyframes) {
   EXPECT_NEAR(chain.headingSigma(), expected, 0.1 * expected);
 }
 
-TEST(KeyframeOdometry, ReferencesEndWhereTheWayIsTooUncertain) {
+TEST(KeyframeOdometry, ReferencesEndWhereOdometryIsTooUncertain) {
   KeyframeOptions options;
   options.reach = 100.0;
   options.trust_m = 0.01;

@@ -1,5 +1,5 @@
-// Keyframes of a scanner that measures half of the circle: its view, not its place alone, decides which
-// keyframes are references. Of half circles that are turned by α, the share 1 − α/π overlaps.
+// Keyframes of a scanner with a field of view of 180°. References depend on the overlap of the views, not on
+// the position alone. Views of 180° that are turned by α overlap by 1 − α/π.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -56,16 +56,16 @@ struct OneView {
   }
 };
 
-TEST(KeyframeOverlap, KeyframesThatLookTheOtherWayAreNoReferences) {
+TEST(KeyframeOverlap, OppositeViewsAreNoReferences) {
   const OneView one(M_PI);
-  // The least share is 0.3, at 126°; sectors of 5.6° round it.
+  // The minimum overlap is 0.3, at 126° ± a sector of 5.6°.
   for (const double degrees : {0.0, 60.0, -60.0, 115.0, -115.0})
     EXPECT_TRUE(one.isReference(degrees * kDegree, M_PI)) << degrees;
   for (const double degrees : {137.0, -137.0, 180.0})
     EXPECT_FALSE(one.isReference(degrees * kDegree, M_PI)) << degrees;
 }
 
-TEST(KeyframeOverlap, AScannerOfTheFullCircleLooksEverywhere) {
+TEST(KeyframeOverlap, ScannerOfTheFullCircleOverlapsAtAllHeadings) {
   const OneView one(2.0 * M_PI);
   for (const double degrees : {0.0, 90.0, 180.0, -90.0}) {
     EXPECT_TRUE(one.isReference(degrees * kDegree, 2.0 * M_PI)) << degrees;
@@ -75,16 +75,16 @@ TEST(KeyframeOverlap, AScannerOfTheFullCircleLooksEverywhere) {
   }
 }
 
-TEST(KeyframeOverlap, AHalfCircleThatTurnsInPlaceWantsANewKeyframe) {
+TEST(KeyframeOverlap, ScannerOfAHalfCircleNeedsANewKeyframeAfterATurn) {
   const OneView one(M_PI);
-  // The share is 0.7 at 54°.
+  // The overlap is 0.7 at 54°.
   for (const double degrees : {0.0, 43.0, -43.0}) EXPECT_FALSE(one.wants(degrees * kDegree, M_PI)) << degrees;
   for (const double degrees : {65.0, -65.0, 180.0})
     EXPECT_TRUE(one.wants(degrees * kDegree, M_PI)) << degrees;
-  EXPECT_TRUE(one.wants(0.0, 2.0 * M_PI)) << "of the full circle the keyframe has measured half";
+  EXPECT_TRUE(one.wants(0.0, 2.0 * M_PI)) << "the keyframe has measured half of the full circle";
 }
 
-TEST(KeyframeOverlap, ANarrowViewMeetsTheSideThatTheKeyframeHasMeasured) {
+TEST(KeyframeOverlap, NarrowViewOverlapsOnTheMeasuredSideOnly) {
   const OneView left(M_PI, 0.5 * M_PI);
   const double narrow_rad = 60.0 * kDegree;
   EXPECT_TRUE(left.isReference(0.5 * M_PI, narrow_rad));
@@ -93,7 +93,7 @@ TEST(KeyframeOverlap, ANarrowViewMeetsTheSideThatTheKeyframeHasMeasured) {
   EXPECT_TRUE(left.wants(-0.5 * M_PI, narrow_rad));
 }
 
-TEST(KeyframeOverlap, APoseWithoutScanSeesAll) {
+TEST(KeyframeOverlap, PoseWithoutScanOverlapsWithAllKeyframes) {
   const OneView one(M_PI);
   EXPECT_EQ(one.map.nearest(OneView::turned(M_PI), one.map.all()).size(), 1U);
   EXPECT_EQ(one.map.nearest({OneView::turned(M_PI), 0}, one.map.all()).size(), 1U) << "nothing measured";

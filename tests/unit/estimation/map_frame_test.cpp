@@ -1,4 +1,4 @@
-// What is known of how everything is turned, where nothing from outside tells it.
+// The σ of the common heading of all poses and points, which no measurement determines.
 
 #include <gtest/gtest.h>
 
@@ -11,8 +11,8 @@
 namespace omnifleet::estimation {
 namespace {
 
-/// σ of a heading of which nothing is told but by a prior of 1 rad, after two poses were marginalised, each
-/// where things were thought to be elsewhere.
+/// σ of a heading with a prior of 1 rad only, after marginalisation of two poses at different linearisation
+/// points.
 double headingSigma(Graph& graph) {
   const std::vector<Pose2> poses = {{0.0, 0.0, 0.0}, {0.5, 0.2, 0.4}, {1.0, 0.5, 0.9}};
   const std::vector<Eigen::Vector2d> points = {{2.0, 1.0}, {-1.0, 1.5}, {0.5, -1.8}};
@@ -27,26 +27,27 @@ double headingSigma(Graph& graph) {
           relativePoseFactor(poses[i - 1].inverse() * poses[i], 1e-4 * Eigen::Matrix3d::Identity()),
           {p[i - 1], p[i]});
   }
-  for (const std::size_t gone : {0U, 1U}) {
-    for (std::size_t i = gone; i < poses.size(); ++i)
-      graph.value(p[i]) += Eigen::Vector3d(0.05 * std::cos(i + gone), 0.05 * std::sin(3.0 * i), 0.1 * gone);
+  for (const std::size_t oldest : {0U, 1U}) {
+    for (std::size_t i = oldest; i < poses.size(); ++i)
+      graph.value(p[i]) +=
+          Eigen::Vector3d(0.05 * std::cos(i + oldest), 0.05 * std::sin(3.0 * i), 0.1 * oldest);
     for (std::size_t k = 0; k < points.size(); ++k)
-      graph.value(l[k]) += 0.2 * Eigen::Vector2d(std::sin(2.0 * k + gone), std::cos(5.0 * k - gone));
-    graph.marginalise({p[gone]});
+      graph.value(l[k]) += 0.2 * Eigen::Vector2d(std::sin(2.0 * k + oldest), std::cos(5.0 * k - oldest));
+    graph.marginalise({p[oldest]});
   }
   graph.addFactor(priorFactor(graph.value(l[0]), Eigen::Vector2d::Constant(1e-3)), {l[0]});
   graph.addFactor(priorFactor(graph.value(p[2]), Eigen::Vector3d(1e3, 1e3, 1.0)), {p[2]});
   return std::sqrt(graph.covariance({p[2]})(2, 2));
 }
 
-TEST(MapFrame, MarginalisingElsewhereLearnsNoTurnOfEverything) {
+TEST(MapFrame, MarginalisationKeepsTheSigmaOfTheCommonHeading) {
   Graph graph, naive;
   graph.setMotions(commonMotions);
   EXPECT_NEAR(headingSigma(graph), 1.0, 1e-4);
-  EXPECT_LT(headingSigma(naive), 0.9);  // what the changes of the linearisation alone would tell
+  EXPECT_LT(headingSigma(naive), 0.9);  // inconsistent: by changes of the linearisation point alone
 }
 
-TEST(MapFrame, AFleetThatMeasuresPointsInAMapOfItsOwnLearnsNone) {
+TEST(MapFrame, FleetWithAMapOfItsOwnKeepsTheSigmaOfTheCommonHeading) {
   for (const bool founded : {true, false}) {
     RobotSetup setup;
     setup.name = "r1";

@@ -17,10 +17,10 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kClaimed_m = 0.002, kClaimed_rad = 0.004;  // σ of a step, as the wheels state it
+constexpr double kStated_m = 0.002, kStated_rad = 0.004;  // σ of a step, as the wheels state it
 constexpr TimeNs kPeriod_ns = 100000000;
 
-/// Errors of the wheels: σ of each frame on their way, and of each step in units of what they claim.
+/// Errors of the wheels: σ of the jitter of each frame, and σ of each step in units of the stated σ.
 struct WheelErrors {
   double jitter_m = 0.0, jitter_rad = 0.0;
   double way_scale = 1.0, turn_scale = 1.0;
@@ -32,11 +32,11 @@ struct LearntQuality {
   double worst_m = 0.0;
 };
 
-/// One robot with a laser drives circles in the furnished room. As the estimator does it, but without
+/// One robot with a laser drives circles in the furnished room, with the steps of the estimator but without
 /// objects.
-class WheelsUnderScans {
+class OdometryWithScans {
  public:
-  explicit WheelsUnderScans(unsigned seed)
+  explicit OdometryWithScans(unsigned seed)
       : random_(seed), source_(options_.scan, options_.match), fleet_({setup()}, options_) {}
 
   LearntQuality drive(const WheelErrors& errors, int frames = 110) {
@@ -82,10 +82,9 @@ class WheelsUnderScans {
     frame.motion.since_ns = frame.acquired_ns - kPeriod_ns;
     frame.motion.valid = i > 0;
     const Pose2 jitter = drawn(errors.jitter_m, errors.jitter_rad);
-    frame.motion.previous_from_current =
-        jitter_.inverse() * moved * jitter *
-        drawn(errors.way_scale * kClaimed_m, errors.turn_scale * kClaimed_rad);
-    frame.motion.covariance = Eigen::Vector3d(kClaimed_m, kClaimed_m, kClaimed_rad).cwiseAbs2().asDiagonal();
+    frame.motion.previous_from_current = jitter_.inverse() * moved * jitter *
+                                         drawn(errors.way_scale * kStated_m, errors.turn_scale * kStated_rad);
+    frame.motion.covariance = Eigen::Vector3d(kStated_m, kStated_m, kStated_rad).cwiseAbs2().asDiagonal();
     jitter_ = jitter;
     return frame;
   }
@@ -116,7 +115,7 @@ class WheelsUnderScans {
   Pose2 at_{0.2, -1.2, 0.0}, jitter_;
 };
 
-TEST(OdometryQuality, IsConfirmedByMatchesOfItsTurnsOnly) {
+TEST(OdometryQuality, IsConfirmedByCertainAndPlausibleMatchesOnly) {
   OdometryQualityOptions options;
   OdometryQuality sharp(options), vague(options), wrong(options);
   const Eigen::Matrix3d claimed = 1e-4 * Eigen::Matrix3d::Identity(),
@@ -128,54 +127,54 @@ TEST(OdometryQuality, IsConfirmedByMatchesOfItsTurnsOnly) {
     vague.add({0.001, 0.0, 0.001}, loose, claimed, 0.1);
     wrong.add({1.0, 0.0, 1.0}, match, claimed, 0.1);
   }
-  EXPECT_FALSE(vague.isConfirmed()) << "a corridor shows no turn";
-  EXPECT_FALSE(wrong.isConfirmed()) << "too far off to be noise";
+  EXPECT_FALSE(vague.isConfirmed()) << "a corridor does not determine turns";
+  EXPECT_FALSE(wrong.isConfirmed()) << "too large for noise";
 }
 
-TEST(OdometryQuality, TakesWheelsAtTheirWord) {
-  const LearntQuality learnt = WheelsUnderScans(1).drive({});
+TEST(OdometryQuality, LearnsNoExcessErrorOfConsistentOdometry) {
+  const LearntQuality learnt = OdometryWithScans(1).drive({});
   EXPECT_LT(learnt.turn_scale, 1.3);
   EXPECT_LT(learnt.way_scale, 1.3);
   // The standard error of a mean over 30 steps counts as jitter: σ/30^¼ = 0.43 σ.
-  EXPECT_LT(learnt.jitter_rad, 0.6 * kClaimed_rad);
-  EXPECT_LT(learnt.jitter_m, 0.6 * kClaimed_m);
+  EXPECT_LT(learnt.jitter_rad, 0.6 * kStated_rad);
+  EXPECT_LT(learnt.jitter_m, 0.6 * kStated_m);
   EXPECT_LT(learnt.worst_m, 0.01);
 }
 
-TEST(OdometryQuality, FindsThatFramesAreTurned) {
+TEST(OdometryQuality, LearnsHeadingJitterOfFrames) {
   for (const double jitter_rad : {0.01, 0.02}) {
-    const LearntQuality learnt = WheelsUnderScans(2).drive({0.0, jitter_rad});
+    const LearntQuality learnt = OdometryWithScans(2).drive({0.0, jitter_rad});
     EXPECT_GT(learnt.jitter_rad, jitter_rad / 1.6);
     EXPECT_LT(learnt.jitter_rad, jitter_rad * 1.6);
-    EXPECT_LT(learnt.jitter_m, kClaimed_m) << "the places agree with the wheels";
+    EXPECT_LT(learnt.jitter_m, kStated_m) << "positions agree with the wheels";
     EXPECT_LT(learnt.way_scale, 1.3);
     // Independent errors of this size would be √(1 + 2·jitter²/σ²): 3.7 and 7.1. What the prior of kPrior
     // steps without jitter leaves counts as such errors.
-    EXPECT_LT(learnt.turn_scale, 0.45 * std::hypot(1.0, std::sqrt(2.0) * jitter_rad / kClaimed_rad));
+    EXPECT_LT(learnt.turn_scale, 0.45 * std::hypot(1.0, std::sqrt(2.0) * jitter_rad / kStated_rad));
     EXPECT_LT(learnt.worst_m, 0.01);
   }
 }
 
-TEST(OdometryQuality, FindsThatFramesAreShifted) {
-  const LearntQuality learnt = WheelsUnderScans(3).drive({0.01, 0.0});
+TEST(OdometryQuality, LearnsPositionJitterOfFrames) {
+  const LearntQuality learnt = OdometryWithScans(3).drive({0.01, 0.0});
   EXPECT_GT(learnt.jitter_m, 0.01 / 1.6);
   EXPECT_LT(learnt.jitter_m, 0.01 * 1.6);
-  EXPECT_LT(learnt.jitter_rad, kClaimed_rad);
+  EXPECT_LT(learnt.jitter_rad, kStated_rad);
   EXPECT_LT(learnt.turn_scale, 1.3);
 }
 
-TEST(OdometryQuality, FindsThatTurnsErrMoreThanClaimed) {
-  const LearntQuality learnt = WheelsUnderScans(4).drive({0.0, 0.0, 1.0, 5.0});
+TEST(OdometryQuality, LearnsThatTurnsExceedTheirStatedSigma) {
+  const LearntQuality learnt = OdometryWithScans(4).drive({0.0, 0.0, 1.0, 5.0});
   EXPECT_GT(learnt.turn_scale, 2.0);
   EXPECT_LT(learnt.turn_scale, 6.0);
   // Jitter of this size would be 5·σ/√2 = 0.014 rad.
-  EXPECT_LT(learnt.jitter_rad, 0.8 * 5.0 * kClaimed_rad / std::sqrt(2.0));
+  EXPECT_LT(learnt.jitter_rad, 0.8 * 5.0 * kStated_rad / std::sqrt(2.0));
   EXPECT_LT(learnt.way_scale, 1.3);
   EXPECT_LT(learnt.worst_m, 0.01);
 }
 
-TEST(OdometryQuality, FindsThatWaysErrMoreThanClaimed) {
-  const LearntQuality learnt = WheelsUnderScans(5).drive({0.0, 0.0, 5.0, 1.0});
+TEST(OdometryQuality, LearnsThatTranslationsExceedTheirStatedSigma) {
+  const LearntQuality learnt = OdometryWithScans(5).drive({0.0, 0.0, 5.0, 1.0});
   EXPECT_GT(learnt.way_scale, 2.0);
   EXPECT_LT(learnt.way_scale, 6.0);
   EXPECT_LT(learnt.turn_scale, 1.3);

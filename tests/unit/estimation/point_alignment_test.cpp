@@ -1,4 +1,4 @@
-// A robot that is placed by named points tells where it stands beside them, not where north is.
+// Named points locate a robot relative to them. They do not reduce the σ of the heading of the map.
 
 #include <gtest/gtest.h>
 
@@ -11,13 +11,13 @@
 namespace omnifleet::estimation {
 namespace {
 
-constexpr double kNorthSigma_rad = 0.2;
+constexpr double kMapHeadingSigma_rad = 0.2;
 
-class PlacedByPoints : public ::testing::Test {
+class PointAlignment : public ::testing::Test {
  protected:
-  PlacedByPoints() : fleet_({setup("r1"), setup("r2")}, {}) {
+  PointAlignment() : fleet_({setup("r1"), setup("r2")}, {}) {
     frame_.acquired_ns = 1'000'000'000;
-    founder().covariance = Eigen::Vector3d(0.01, 0.01, kNorthSigma_rad).cwiseAbs2().asDiagonal();
+    founder().covariance = Eigen::Vector3d(0.01, 0.01, kMapHeadingSigma_rad).cwiseAbs2().asDiagonal();
     fleet_.place(founder(), frame_, Pose2{});
     fleet_.graph.addFactor(absolutePoseFactor(Pose2{}, founder().covariance), {pose(founder())});
     int name = 0;
@@ -26,11 +26,11 @@ class PlacedByPoints : public ::testing::Test {
       point.variable = fleet_.graph.addVariable(at);
       fleet_.graph.addFactor(pointInBaseFactor(at, 0.05), {pose(founder()), point.variable});
     }
-    lost().scout.emplace();
-    lost().scout->time_ns = frame_.acquired_ns;
+    unlocalized().scout.emplace();
+    unlocalized().scout->time_ns = frame_.acquired_ns;
     name = 0;
     for (const Eigen::Vector2d& at : places_)
-      addScoutPair(lost(), std::to_string(++name), truth_.inverse() * at, at,
+      addScoutPair(unlocalized(), std::to_string(++name), truth_.inverse() * at, at,
                    0.0025 * Eigen::Matrix2d::Identity());
   }
 
@@ -40,9 +40,9 @@ class PlacedByPoints : public ::testing::Test {
     return robot;
   }
   RobotNode& founder() { return *fleet_.find("r1"); }
-  RobotNode& lost() { return *fleet_.find("r2"); }
+  RobotNode& unlocalized() { return *fleet_.find("r2"); }
   static VariableId pose(const RobotNode& robot) { return robot.window.back().pose; }
-  double northSigma() const {
+  double mapHeadingSigma() const {
     return std::sqrt(fleet_.graph.covariance({fleet_.find("r1")->window.back().pose})(2, 2));
   }
 
@@ -53,23 +53,23 @@ class PlacedByPoints : public ::testing::Test {
   Objects frame_;
 };
 
-TEST_F(PlacedByPoints, StandsWhereTheyAre) {
-  ASSERT_TRUE(locateByPoints(fleet_, lost(), frame_));
+TEST_F(PointAlignment, LocatesTheRobot) {
+  ASSERT_TRUE(locateByPoints(fleet_, unlocalized(), frame_));
   fleet_.graph.solve(20);
-  const Pose2 found = fleet_.pose(pose(lost()));
+  const Pose2 found = fleet_.pose(pose(unlocalized()));
   EXPECT_NEAR(found.x_m, truth_.x_m, 1e-3);
   EXPECT_NEAR(found.y_m, truth_.y_m, 1e-3);
   EXPECT_NEAR(found.theta_rad, truth_.theta_rad, 1e-3);
 }
 
-TEST_F(PlacedByPoints, NobodyIsSurerOfNorthThanBefore) {
-  ASSERT_NEAR(northSigma(), kNorthSigma_rad, 1e-6);
-  ASSERT_TRUE(locateByPoints(fleet_, lost(), frame_));
+TEST_F(PointAlignment, DoesNotReduceTheSigmaOfTheMapHeading) {
+  ASSERT_NEAR(mapHeadingSigma(), kMapHeadingSigma_rad, 1e-6);
+  ASSERT_TRUE(locateByPoints(fleet_, unlocalized(), frame_));
   int name = 0;
-  for (const Eigen::Vector2d& at : places_)  // what it sees of them from there
+  for (const Eigen::Vector2d& at : places_)  // its observations of them from there
     fleet_.graph.addFactor(pointInBaseFactor(truth_.inverse() * at, 0.05),
-                           {pose(lost()), fleet_.points.at(std::to_string(++name)).variable});
-  EXPECT_NEAR(northSigma(), kNorthSigma_rad, 1e-3);
+                           {pose(unlocalized()), fleet_.points.at(std::to_string(++name)).variable});
+  EXPECT_NEAR(mapHeadingSigma(), kMapHeadingSigma_rad, 1e-3);
 }
 
 }  // namespace

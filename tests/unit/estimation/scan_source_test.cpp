@@ -1,5 +1,5 @@
-// The estimator of one robot in a furnished room that sees no object: only its scans and its wheels, which
-// err by 3 %, determine its pose. The scans are exact intersections with noise.
+// The estimator of one robot in a furnished room without tracked objects. Only its scans and its wheels,
+// which err by 3 %, determine its pose. The scans are exact intersections with noise.
 
 #include "estimation/scan_source.h"
 
@@ -41,7 +41,7 @@ struct ScanRun {
   }
 };
 
-/// @param change what a test does to the frame of a number @param measure absolute pose at that frame
+/// @param change modifies the frame of a number @param measure absolute pose at that frame
 ScanRun runScans(const std::vector<Pose2>& path, const EstimatorOptions& options,
                  const std::function<void(std::size_t, Objects&)>& change = {},
                  const std::function<std::optional<Pose2>(std::size_t)>& measure = {},
@@ -68,8 +68,8 @@ ScanRun runScans(const std::vector<Pose2>& path, const EstimatorOptions& options
       frame.motion.previous_from_current = path[i - 1].inverse() * path[i];
       frame.motion.previous_from_current.x_m *= 1.0 + kWheelError;
       frame.motion.previous_from_current.theta_rad *= 1.0 - kWheelError;
-      const double way_m = 0.02 * frame.motion.previous_from_current.x_m + 0.001, turn_rad = 0.004;
-      frame.motion.covariance = Eigen::Vector3d(way_m * way_m, 1e-6, turn_rad * turn_rad).asDiagonal();
+      const double travel_m = 0.02 * frame.motion.previous_from_current.x_m + 0.001, turn_rad = 0.004;
+      frame.motion.covariance = Eigen::Vector3d(travel_m * travel_m, 1e-6, turn_rad * turn_rad).asDiagonal();
     }
     if (change) change(i, frame);
     Measurement measurement;
@@ -94,7 +94,7 @@ ScanRun runScans(const std::vector<Pose2>& path, const EstimatorOptions& options
   return run;
 }
 
-TEST(ScanSource, HoldsARobotWhoseWheelsDrift) {
+TEST(ScanSource, CorrectsDriftOfOdometry) {
   const std::vector<Pose2> path = circularPath(150);
   EstimatorOptions wheels_only;
   wheels_only.scan.use = false;
@@ -105,8 +105,8 @@ TEST(ScanSource, HoldsARobotWhoseWheelsDrift) {
   EXPECT_EQ(by_scan.count(LocalizationState::kLocalized), path.size());
 }
 
-// A forward camera: its ceiling camera fails after 30 frames, and nothing but its wheels says where it is.
-TEST(ScanSource, WithoutMatchesTheCovarianceGrowsAsSoonAsMeasurementsEnd) {
+// A robot with a forward camera. Its ceiling camera fails after 30 frames; then it has odometry only.
+TEST(ScanSource, CovarianceGrowsWithoutMatchesOnceMeasurementsEnd) {
   const std::vector<Pose2> path = circularPath(80);
   const auto measure = [&](std::size_t i) { return i < 30 ? std::optional(path[i]) : std::nullopt; };
   const ScanRun run = runScans(path, {}, {}, measure, false);
@@ -124,7 +124,7 @@ TEST(ScanSource, WithoutMatchesTheCovarianceGrowsAsSoonAsMeasurementsEnd) {
   EXPECT_EQ(run.poses.back().state, LocalizationState::kOdometryOnly);
 }
 
-TEST(ScanSource, GivesTheSameBitsTwice) {
+TEST(ScanSource, TwoRunsAreBitIdentical) {
   const std::vector<Pose2> path = circularPath(60);
   const ScanRun first = runScans(path, {}), second = runScans(path, {});
   for (std::size_t i = 0; i < path.size(); ++i) {
@@ -133,7 +133,7 @@ TEST(ScanSource, GivesTheSameBitsTwice) {
   }
 }
 
-TEST(ScanSource, FiveDarkSecondsLeaveOdometryAndAGrowingCovariance) {
+TEST(ScanSource, FiveDarkSecondsGiveOdometryOnlyAndAGrowingCovariance) {
   const std::vector<Pose2> path = circularPath(110);
   constexpr std::size_t kFrom = 40, kTo = 65;
   const ScanRun run = runScans(path, {}, [&](std::size_t i, Objects& frame) {
@@ -149,7 +149,7 @@ TEST(ScanSource, FiveDarkSecondsLeaveOdometryAndAGrowingCovariance) {
   EXPECT_LT(run.errors_m.back(), 0.01);
 }
 
-TEST(ScanSource, ASlipIsCorrectedAtOnce) {
+TEST(ScanSource, WheelSlipIsCorrectedWithoutDelay) {
   const std::vector<Pose2> path = circularPath(80);
   const ScanRun run = runScans(path, {}, [](std::size_t i, Objects& frame) {
     if (i >= 40 && i < 50) frame.motion.previous_from_current.x_m *= 1.4;
@@ -158,7 +158,7 @@ TEST(ScanSource, ASlipIsCorrectedAtOnce) {
   EXPECT_EQ(run.count(LocalizationState::kLocalized), path.size());
 }
 
-TEST(ScanSource, ACorrectionBeyondThreeSigmasIsAnEvent) {
+TEST(ScanSource, CorrectionBeyondThreeSigmasIsAnEvent) {
   const std::vector<Pose2> path = circularPath(60);
   for (const PoseEstimate& pose : runScans(path, {}).poses) EXPECT_EQ(pose.event, PoseEvent::kNone);
   const ScanRun run = runScans(path, {}, [](std::size_t i, Objects& frame) {
@@ -170,7 +170,7 @@ TEST(ScanSource, ACorrectionBeyondThreeSigmasIsAnEvent) {
   EXPECT_LT(run.errors_m[40], 0.02);
 }
 
-TEST(ScanSource, AnAbsoluteMeasurementConfirmsAPoseThatTheScanContradicts) {
+TEST(ScanSource, AbsoluteMeasurementConfirmsAPoseThatTheScanContradicts) {
   const std::vector<Pose2> path = circularPath(80);
   const scan::testing::Scene room = scan::testing::furnishedRoom();
   std::mt19937 random(11);
@@ -185,7 +185,7 @@ TEST(ScanSource, AnAbsoluteMeasurementConfirmsAPoseThatTheScanContradicts) {
   EXPECT_LT(measured.worst_m, 0.005);  // σ of the measurements: 1 mm
 }
 
-TEST(ScanSource, ACorrectionByAnAbsoluteMeasurementIsAnEventOfItsOwn) {
+TEST(ScanSource, CorrectionByAnAbsoluteMeasurementHasItsOwnEvent) {
   const std::vector<Pose2> path = circularPath(60);
   const auto measure = [&](std::size_t i) -> std::optional<Pose2> {
     if (i < 40) return std::nullopt;
@@ -199,9 +199,9 @@ TEST(ScanSource, ACorrectionByAnAbsoluteMeasurementIsAnEventOfItsOwn) {
   EXPECT_GT(corrected->correction_sigmas, 3.0);
 }
 
-/// Wheels that no match has confirmed put the robot far outside of the map, where nothing contradicts it. Its
-/// scans must not extend the map there and then confirm themselves.
-TEST(ScanSource, AWrongPlaceOutsideTheMapDoesNotConfirmItself) {
+/// Unconfirmed odometry puts the robot far outside the map, where no reference contradicts it. Its scans must
+/// not extend the map there and then confirm themselves.
+TEST(ScanSource, WrongPoseOutsideTheMapDoesNotConfirmItself) {
   const std::vector<Pose2> path = circularPath(60);
   const ScanRun run = runScans(path, {}, [](std::size_t i, Objects& frame) {
     if (i == 3) frame.motion.previous_from_current.x_m += 30.0;
@@ -212,8 +212,8 @@ TEST(ScanSource, AWrongPlaceOutsideTheMapDoesNotConfirmItself) {
   EXPECT_EQ(wrong, 0);
 }
 
-/// Objects have replaced the motion of wheels that count nothing. The scan confirms the pose: the
-/// robot was not moved by hand.
+/// Tracked objects have replaced the motion of stalled wheels. The scan confirms the pose: the robot was not
+/// kidnapped.
 TEST(ScanSource, StalledWheelsAreNoKidnappingWhileTheScanMatches) {
   const std::vector<Pose2> path = circularPath(60);
   const ScanRun run = runScans(path, {}, [&](std::size_t i, Objects& frame) {
@@ -226,14 +226,14 @@ TEST(ScanSource, StalledWheelsAreNoKidnappingWhileTheScanMatches) {
   EXPECT_LT(run.worst_m, 0.02);
 }
 
-TEST(ScanSource, AKidnappedRobotIsFoundAgainAndReported) {
+TEST(ScanSource, KidnappedRobotIsRelocalizedAndReported) {
   std::vector<Pose2> path = circularPath(50);
-  path.push_back({-1.6, 0.6, 2.2});  // carried, wheels at rest
+  path.push_back({-1.6, 0.6, 2.2});  // kidnapped, wheels at rest
   for (int i = 0; i < 50; ++i) path.push_back(path.back() * Pose2{kStep_m, 0.0, i < 25 ? -0.1 : 0.1});
-  const auto carry = [](std::size_t i, Objects& frame) {
+  const auto kidnap = [](std::size_t i, Objects& frame) {
     if (i == 50) frame.motion.previous_from_current = {};
   };
-  const ScanRun run = runScans(path, {}, carry);
+  const ScanRun run = runScans(path, {}, kidnap);
   EXPECT_FALSE(run.poses[56].state == LocalizationState::kLocalized && run.errors_m[56] > 0.1)
       << "a wrong pose is not confirmed";
   const auto found = std::find_if(run.poses.begin(), run.poses.end(),
@@ -241,17 +241,17 @@ TEST(ScanSource, AKidnappedRobotIsFoundAgainAndReported) {
   ASSERT_NE(found, run.poses.end());
   EXPECT_GT(found->correction_sigmas, 0.0);
   EXPECT_LT(run.errors_m.back(), 0.03);
-  EstimatorOptions never;
-  never.relocalizer.min_matched = 1.0;
-  const ScanRun unfound = runScans(path, never, carry);
-  EXPECT_GT(unfound.errors_m.back(), 0.5) << "only the search finds it";
-  EXPECT_EQ(unfound.poses.back().state, LocalizationState::kOdometryOnly);
-  EXPECT_GT(std::sqrt(unfound.poses.back().covariance.topLeftCorner<2, 2>().trace()), 0.5);
+  EstimatorOptions no_search;
+  no_search.relocalizer.min_matched = 1.0;
+  const ScanRun not_relocalized = runScans(path, no_search, kidnap);
+  EXPECT_GT(not_relocalized.errors_m.back(), 0.5) << "only the search relocalizes it";
+  EXPECT_EQ(not_relocalized.poses.back().state, LocalizationState::kOdometryOnly);
+  EXPECT_GT(std::sqrt(not_relocalized.poses.back().covariance.topLeftCorner<2, 2>().trace()), 0.5);
 }
 
-TEST(ScanSource, BeamsOnMovingObjectsAreLeftOut) {
+TEST(ScanSource, BeamsOnMovingObjectsAreIgnored) {
   const std::vector<Pose2> path = circularPath(80);
-  // Something stands before half of the beams and goes with the robot.
+  // An object in front of half of the beams moves with the robot.
   const auto hide = [](bool labelled) {
     return [labelled](std::size_t, Objects& frame) {
       Boundary& b = frame.boundary;

@@ -33,7 +33,7 @@ WheelLog::Motion moved(const WheelLog& log, double from_s, double to_s,
   return motion;
 }
 
-/// On a circle: v, ω for t.
+/// Closed form: the pose on a circle after t seconds.
 Pose2 circle(double left_mps, double right_mps, double t, double separation_m = kSeparation_m) {
   const double v = 0.5 * (left_mps + right_mps), w = (right_mps - left_mps) / separation_m;
   return {v / w * std::sin(w * t), v / w * (1.0 - std::cos(w * t)), wrapAngle(w * t)};
@@ -52,15 +52,15 @@ TEST(WheelLog, ConstantSpeedsGiveAnArcBetweenAnyTwoTimes) {
   }
 }
 
-TEST(WheelLog, MotionsInARowMakeTheWhole) {
+TEST(WheelLog, ConsecutiveMotionsCompose) {
   WheelLog log({});
   for (int i = 0; i < 100; ++i) log.add(i * kRow_ns, 0.2 + 0.1 * std::sin(0.1 * i), 0.2 - 0.002 * i);
-  const Pose2 parts =
+  const Pose2 composed =
       moved(log, 0.101, 0.777).previous_from_current * moved(log, 0.777, 1.5).previous_from_current;
-  expectNear(parts, moved(log, 0.101, 1.5).previous_from_current, 1e-12);
+  expectNear(composed, moved(log, 0.101, 1.5).previous_from_current, 1e-12);
 }
 
-TEST(WheelLog, TheModelScalesWheelsAndTurnAndShiftsTime) {
+TEST(WheelLog, ModelScalesWheelsAndTurnsAndShiftsTime) {
   const WheelLog log = driven(0.1, 0.25);
   expectNear(moved(log, 1, 3, {0.04, -0.02, 0, 0, 0}).previous_from_current, circle(0.104, 0.245, 2), 1e-9);
   expectNear(moved(log, 1, 3, {0, 0, 0.1, 0, 0}).previous_from_current,
@@ -71,36 +71,38 @@ TEST(WheelLog, TheModelScalesWheelsAndTurnAndShiftsTime) {
              moved(changing, 1.6, 2.7).previous_from_current, 1e-12);
 }
 
-// An axle that does not stand across base_link's x axis: the same arc, driven as seen from a turned frame.
-TEST(WheelLog, AnAxleThatStandsAskewTurnsTheWayNotTheHeading) {
+// An axle that is not perpendicular to the x axis of base_link: the same arc in a turned frame.
+TEST(WheelLog, AxleMisalignmentTurnsTheTranslationNotTheHeading) {
   const WheelLog log = driven(0.1, 0.25);
   const double crab = 0.05;
   const Pose2 turned = Pose2{0, 0, crab} * circle(0.1, 0.25, 2) * Pose2{0, 0, -crab};
   expectNear(moved(log, 1, 3, {0, 0, 0, 0, crab}).previous_from_current, turned, 1e-9);
 }
 
-TEST(WheelLog, DerivativesByTheWheelsAreThoseOfTheArc) {
+TEST(WheelLog, DerivativesAgreeWithThoseOfAnArc) {
   const WheelLog log = driven(0.1, 0.25);
   const WheelJacobian got = moved(log, 1, 3).jacobian;
   EXPECT_TRUE(got.leftCols<2>().isApprox(arcBiasJacobian(0.2, 0.5, kSeparation_m), 1e-5)) << got;
-  // At constant speeds a delay changes nothing; a turn's error ε turns by ε·ω·t.
+  // At constant speeds a delay has no effect. A relative error ε of turns changes the heading by ε·ω·t.
   EXPECT_LT(got.col(3).norm(), 1e-9);
   EXPECT_NEAR(got(2, 2), 0.5 * 2.0, 1e-6);
 }
 
-TEST(WheelLog, AStraightWayIsUncertainAsItsWalksSay) {
+TEST(WheelLog, CovarianceOfAStraightPathFollowsTheRandomWalks) {
   WheelLogOptions options;
   const Eigen::Matrix3d covariance = moved(driven(0.2, 0.2, options), 0, 4).covariance;
-  const double t = 4.0, way = 0.2 * t;
+  const double t = 4.0, travel_m = 0.2 * t;
   EXPECT_NEAR(covariance(0, 0), options.way_walk * options.way_walk * t, 1e-9);
   EXPECT_NEAR(covariance(2, 2), options.turn_walk * options.turn_walk * t, 1e-9);
-  // A heading that walks moves the end sideways: ∫(v·s)²q ds = q·way²·t/3. Rows of 20 ms of 4 s make 1 %.
-  const double side = options.side_walk * options.side_walk * t + covariance(2, 2) * way * way / 3.0;
+  // The random walk of the heading moves the end sideways: ∫(v·s)²q ds = q·travel²·t/3. Rows of 20 ms in 4 s
+  // give 1 %.
+  const double side =
+      options.side_walk * options.side_walk * t + covariance(2, 2) * travel_m * travel_m / 3.0;
   EXPECT_NEAR(covariance(1, 1), side, 0.01 * side);
-  EXPECT_NEAR(covariance(1, 2), 0.5 * way * covariance(2, 2), 0.01 * way * covariance(2, 2));
+  EXPECT_NEAR(covariance(1, 2), 0.5 * travel_m * covariance(2, 2), 0.01 * travel_m * covariance(2, 2));
 }
 
-TEST(WheelLog, ARobotThatStandsIsWhereItWas) {
+TEST(WheelLog, StationaryRobotHasNoMotionAndNoCovariance) {
   const WheelLog::Motion motion = moved(driven(0, 0), 0, 4);
   expectNear(motion.previous_from_current, {}, 1e-15);
   EXPECT_EQ(motion.covariance.norm(), 0.0);
@@ -111,28 +113,28 @@ TEST(WheelLog, TurningIsLessCertainThanDrivingStraight) {
             4.0 * moved(driven(0.2, 0.2), 0, 1).covariance(2, 2));
 }
 
-TEST(WheelLog, NoMotionWhereNoRowSaysIt) {
+TEST(WheelLog, GivesNoMotionOutsideRowsAndAcrossGaps) {
   WheelLog log({});
   WheelLog::Motion motion;
   EXPECT_FALSE(log.between(0, 1, kSeparation_m, WheelModel::Zero(), 0.0, motion));
   log.add(at(1), 0.1, 0.1);
   log.add(at(2), 0.1, 0.1);
-  log.add(at(5), 0.1, 0.1);  // a gap longer than a row holds (2 s)
-  const auto says = [&](double from, double to) {
+  log.add(at(5), 0.1, 0.1);  // a gap longer than the validity of a row (2 s)
+  const auto hasMotion = [&](double from, double to) {
     return log.between(at(from), at(to), kSeparation_m, WheelModel::Zero(), 0.0, motion);
   };
-  EXPECT_FALSE(says(0.9, 1.5));
-  EXPECT_TRUE(says(1.0, 2.0));
-  EXPECT_TRUE(says(1.0, 3.9));
-  EXPECT_FALSE(says(1.0, 4.5));
-  EXPECT_FALSE(says(2.5, 6.0));
-  EXPECT_TRUE(says(5.0, 6.9));
-  EXPECT_FALSE(says(5.0, 7.1));
-  EXPECT_FALSE(says(2.0, 2.0));
+  EXPECT_FALSE(hasMotion(0.9, 1.5));
+  EXPECT_TRUE(hasMotion(1.0, 2.0));
+  EXPECT_TRUE(hasMotion(1.0, 3.9));
+  EXPECT_FALSE(hasMotion(1.0, 4.5));
+  EXPECT_FALSE(hasMotion(2.5, 6.0));
+  EXPECT_TRUE(hasMotion(5.0, 6.9));
+  EXPECT_FALSE(hasMotion(5.0, 7.1));
+  EXPECT_FALSE(hasMotion(2.0, 2.0));
   EXPECT_FALSE(log.between(at(1), at(2), 0.0, WheelModel::Zero(), 0.0, motion));
 }
 
-TEST(WheelLog, RefusesBrokenNumbersAndTimesThatDoNotGrow) {
+TEST(WheelLog, RejectsNonFiniteSpeedsAndNonIncreasingTimes) {
   WheelLog log({});
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(log.add(0, kNan, 0.1));
@@ -144,7 +146,7 @@ TEST(WheelLog, RefusesBrokenNumbersAndTimesThatDoNotGrow) {
   EXPECT_EQ(log.firstTime(), 10);
 }
 
-TEST(WheelLog, ForgetsWhatIsNeededNoMoreAndKeepsTheRowInForce) {
+TEST(WheelLog, ForgetsOldRowsAndKeepsTheRowInForce) {
   WheelLog log = driven(0.1, 0.25);
   const Pose2 before = moved(log, 5.01, 6).previous_from_current;
   log.forgetBefore(at(5.01));
@@ -154,7 +156,7 @@ TEST(WheelLog, ForgetsWhatIsNeededNoMoreAndKeepsTheRowInForce) {
   EXPECT_FALSE(log.between(at(4.9), at(6), kSeparation_m, WheelModel::Zero(), 0.0, motion));
 }
 
-/// Turns on the spot at 1 rad/s, but for the second after 5 s.
+/// Turns on the spot at 1 rad/s, and stops from 5 s to 6 s.
 WheelLog stopping() {
   WheelLog log({});
   for (int i = 0; i <= 500; ++i) {
@@ -164,9 +166,9 @@ WheelLog stopping() {
   return log;
 }
 
-// At the moment it stops a line through delays of ±20 ms says that it turned by a radian more a second ago
-// per second of delay, without end; what it did is known only as far as it did it.
-TEST(WheelLog, WhatNoLineInTheDelaySaysIsNotClaimed) {
+// At the stop the motion is not linear in the delay. A linearisation over ±20 ms would extrapolate 1 rad per
+// second of delay without limit.
+TEST(WheelLog, UncertainDelayAtAStopWidensTheCovariance) {
   const WheelLog log = stopping();
   const auto turnOf = [&](double delay_s) {
     return moved(log, 5.0, 5.3, WheelModel(0, 0, 0, delay_s, 0)).previous_from_current.theta_rad;
@@ -181,12 +183,13 @@ TEST(WheelLog, WhatNoLineInTheDelaySaysIsNotClaimed) {
       sum += w, mean += w * turn, slope += w * turn * z, square += w * turn * turn;
     }
     if (sigma_s == 0.0) {
-      EXPECT_NEAR(motion.jacobian(2, 3), 0.5, 1e-6) << "half of 1 rad/s: it stops on one side alone";
+      EXPECT_NEAR(motion.jacobian(2, 3), 0.5, 1e-6)
+          << "half of 1 rad/s: it turns on one side of the stop only";
       continue;
     }
     mean /= sum, slope /= sum, square /= sum;
     const double rest = std::sqrt(square - mean * mean - slope * slope);
-    // Three points of a kinked curve against all of it.
+    // Three points of a kinked curve against the whole curve.
     EXPECT_NEAR(motion.previous_from_current.theta_rad, mean, 0.3 * sigma_s);
     EXPECT_NEAR(motion.jacobian(2, 3), slope / sigma_s, 0.15);
     EXPECT_GT(std::sqrt(motion.covariance(2, 2)), 0.5 * rest);
