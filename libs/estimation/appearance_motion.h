@@ -11,9 +11,7 @@ namespace omnifleet::estimation {
 
 struct AppearanceOptions {
   bool use = true;  ///< the visual compass and the distance of signatures correct the motion
-  /// The compass corrects the turns of wheels, too. Off: before its errors were estimated (CompassQuality),
-  /// good wheels became worse on open floor (headings of the demo .015° → .031°); not measured since.
-  bool with_wheels = false;
+  bool with_wheels = true;  ///< the compass corrects the turns of wheels, too: they may slip
   double least_confidence = 0.3;  ///< 1, of a turn by the compass
   double sigma_factor = 1.0;      ///< 1, on the σ of the compass
   double robust_sigmas = 2.0;     ///< σ at which a turn of the compass counts half (Cauchy)

@@ -271,6 +271,12 @@ const KeyframeMap& FleetEstimator::keyframes() const {
   return impl_->fleet.keyframes;
 }
 
+std::vector<const PlaceMemory*> FleetEstimator::placeMemories() const {
+  std::vector<const PlaceMemory*> memories;
+  for (const RobotNode& robot : impl_->fleet.robots) memories.push_back(&robot.places);
+  return memories;
+}
+
 bool FleetEstimator::isLocated(const std::string& robot) const {
   return impl_->node(robot).located();
 }

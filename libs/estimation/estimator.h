@@ -183,6 +183,8 @@ class FleetEstimator {
   std::vector<Place> takePlaces();
   /// Scans at known places; of all robots.
   const KeyframeMap& keyframes() const;
+  /// Places of the topological map, by robot.
+  std::vector<const PlaceMemory*> placeMemories() const;
   /// The robot has a pose here.
   bool isLocated(const std::string& robot) const;
   /// Whether mutual sightings may locate a robot without a pose; by default they may.

@@ -50,9 +50,7 @@ LoopCheckOptions LoopCheckOptions::read(const options::Section& section) {
   section.read("refused", o.refused, {0.0, 1.0});
   section.read("rival_evidence", o.rival_evidence, options::kNotNegative);
   section.read("least_evidence", o.least_evidence, options::kNotNegative);
-  section.read("missed_share", o.missed_share, {1e-6, 0.5});
-  section.read("other_share", o.other_share, {1e-6, 1.0 - 1e-6});
-  section.read("independent_m", o.independent_m, kPositive);
+  o.surfaces.readFrom(section);
   section.read("most_compass", o.most_compass, options::kNotNegative);
   section.read("most_confidence", o.most_confidence, {0.0, 1.0 - 1e-6});
   section.read("least_compass", o.least_compass, {-100.0, 0.0});
@@ -133,19 +131,11 @@ void LoopCheck::addRelations(const LoopPlace& from, const LoopPlace& to, const s
     if (views)
       relation.compass = ask(*views, relation.from_to, std::sqrt(covarianceOf(relation.match)(2, 2)));
     relation.evidence =
-        evidenceOf(relation.overlap) + std::min(options_.most_compass, relation.compass.evidence);
+        options_.surfaces.of(relation.overlap) + std::min(options_.most_compass, relation.compass.evidence);
     found.push_back(std::move(relation));
   }
   std::stable_sort(found.begin(), found.end(),
                    [](const Relation& a, const Relation& b) { return a.evidence > b.evidence; });
-}
-
-/// Logarithm of the ratio of the likelihoods of the surfaces at the right relation and in another room.
-double LoopCheck::evidenceOf(const scan::Overlap& overlap) const {
-  const double missed = options_.missed_share, other = options_.other_share,
-               agree = overlap.distinct_agree_m * std::log((1.0 - missed) / (1.0 - other)),
-               contradict = overlap.distinct_contradict_m * std::log(missed / other);
-  return (agree + contradict) / options_.independent_m;
 }
 
 bool LoopCheck::contradicts(const LoopPlace& from, const LoopPlace& to, const Pose2& from_to,
@@ -157,7 +147,7 @@ bool LoopCheck::contradicts(const LoopPlace& from, const LoopPlace& to, const Po
   const CompassOpinion compass = views ? ask(*views, from_to, sigma_rad) : CompassOpinion{};
   // Surfaces distinguish rooms, the compass distinguishes headings: neither makes up for the other.
   return compass.evidence < options_.least_compass ||
-         evidenceOf(scan::overlapOf(scansOf(from), there, options_.overlap)) < 0.0;
+         options_.surfaces.of(scan::overlapOf(scansOf(from), there, options_.overlap)) < 0.0;
 }
 
 /// Empty if the places close a loop.

@@ -8,6 +8,7 @@
 
 #include "appearance/compass.h"
 #include "estimation/keyframe_map.h"
+#include "estimation/surface_evidence.h"
 #include "geometry/pose2.h"
 #include "observation/appearance.h"
 #include "options/options.h"
@@ -26,11 +27,7 @@ struct LoopCheckOptions {
   double refused = 0.35;          ///< 1, share from which another relation is no rival
   double rival_evidence = 1.0;    ///< nats, by which the best relation must exceed every other one
   double least_evidence = 1.0;    ///< nats, for the best relation against another room
-  // Evidence of the surfaces: shares that contradict at the right relation and at the best one of another
-  // room, and the length of surface that is one independent observation.
-  double missed_share = 0.1;   ///< 1
-  double other_share = 0.4;    ///< 1
-  double independent_m = 0.5;  ///< m
+  SurfaceEvidence surfaces;
   // Evidence of the compass: density of its answer at the scan's heading, relative to an even one.
   double most_compass = 2.0;  ///< nats, at most: the compass distinguishes headings; rooms with equal walls
                               ///< may look alike, too
@@ -132,7 +129,6 @@ class LoopCheck {
   static std::vector<scan::Reference> scansOf(const LoopPlace& place);
   void addRelations(const LoopPlace& from, const LoopPlace& to, const std::optional<Views>& views,
                     const Headings& headings, bool reversed, std::vector<Relation>& found);
-  double evidenceOf(const scan::Overlap& overlap) const;
   std::string whyOpen(const Result& result) const;
 
   LoopCheckOptions options_;

@@ -15,6 +15,8 @@ constexpr double kSame_m = 0.25, kSame_rad = 0.15;     // relations that are one
 constexpr double kInlier_m = 0.1, kInlier_rad = 0.06;  // of what a keyframe says about a relation
 constexpr double kMaxChi2 = 6.0;
 constexpr int kRefinements = 3;
+constexpr double kNoTurn_rad = 0.5;  // a room that is symmetric looks alike after a larger turn
+constexpr std::size_t kNear = 4;     // times the scans that are compared: those from which they are taken
 constexpr std::size_t kNearest = 3;  // scans of the map that one of the own is matched with
 const Eigen::Matrix3d kLoose = Eigen::Vector3d(100.0, 100.0, 400.0).asDiagonal();  // 10 cm, 3°
 
@@ -48,29 +50,60 @@ std::vector<KeyframeMap::Id> spread(const KeyframeMap& map, const std::vector<Ke
   return taken;
 }
 
+/// The keyframes closest to a place, however far they are: a room is seen from its other side.
+std::vector<KeyframeMap::Id> closest(const KeyframeMap& map, const Eigen::Vector2d& place, std::size_t most) {
+  std::vector<KeyframeMap::Id> ids = map.all();
+  std::stable_sort(ids.begin(), ids.end(), [&](KeyframeMap::Id a, KeyframeMap::Id b) {
+    return (map.pose(a).translation() - place).norm() < (map.pose(b).translation() - place).norm();
+  });
+  if (ids.size() > most) ids.resize(most);
+  return ids;
+}
+
+/// The keyframes of a map that are nearest to those of another one, at most `most`, by number.
+std::vector<KeyframeMap::Id> nearestTo(const KeyframeMap& map, const KeyframeMap& other,
+                                       const Pose2& map_from_other, std::size_t most) {
+  std::vector<KeyframeMap::Id> ids = map.all();
+  if (ids.size() <= most) return ids;
+  std::vector<double> distances;
+  for (const KeyframeMap::Id k : ids) {
+    double nearest_m = 1e300;
+    for (const KeyframeMap::Id o : other.all())
+      nearest_m = std::min(nearest_m,
+                           (map.pose(k).translation() - map_from_other * other.pose(o).translation()).norm());
+    distances.push_back(nearest_m);
+  }
+  std::stable_sort(ids.begin(), ids.end(),
+                   [&](KeyframeMap::Id a, KeyframeMap::Id b) { return distances[a] < distances[b]; });
+  ids.resize(most);
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
 }  // namespace
 
 MapAlignmentOptions MapAlignmentOptions::read(const options::Section& section) {
   MapAlignmentOptions o;
-  o.search.min_score = 0.4;
-  o.search.most = 6;
   section.read("use", o.use);
   section.read("least_agree_m", o.least_agree_m, options::kPositive);
   section.read("most_contradict", o.most_contradict, {0.0, 1.0});
   section.read("refused", o.refused, {0.0, 1.0});
   section.read("least_spread", o.least_spread, {0.0, 0.5});
+  section.read("least_evidence", o.least_evidence, options::kNotNegative);
+  section.read("most_compass", o.most_compass, options::kNotNegative);
+  section.read("least_compass", o.least_compass, {-100.0, 0.0});
   section.read("rival", o.rival, {0.0, 1.0});
+  section.read("rival_compass", o.rival_compass, options::kNotNegative);
   section.read("least_matched", o.least_matched, {1, 1000});
   section.read("min_matched", o.min_matched, {0.0, 1.0});
   section.read("most_scans", o.most_scans, {1, 1000});
   section.read("most_candidates", o.most_candidates, {1, 100});
+  o.surfaces.readFrom(section);
+  o.compass = MapCompassOptions::read(section.child("compass"));
+  o.search = scan::PlaceSearchOptions::read(section.child("search"), o.search);
   o.overlap = scan::OverlapOptions::read(section.child("overlap"));
   section.finish();
   return o;
-}
-
-void MapAlignment::suggest(const Pose2& map_from_own) {
-  suggested_.push_back(map_from_own);
 }
 
 bool MapAlignment::isSame(const Pose2& a, const Pose2& b) const {
@@ -85,19 +118,43 @@ void MapAlignment::consider(const Pose2& map_from_own) {
   candidates_.back().map_from_own = map_from_own;
 }
 
-void MapAlignment::searchNewest(const KeyframeMap& map, const KeyframeMap& own) {
-  if (map.size() != searched_ || map.revision() != searched_revision_) {
-    std::vector<scan::Reference> references;
-    for (const KeyframeMap::Id k : map.all()) references.push_back(map.reference(k));
-    search_.setReferences(references);
-    searched_ = map.size();
-    searched_revision_ = map.revision();
+void MapAlignment::Search::hold(const KeyframeMap& map) {
+  if (map.size() == size && map.revision() == revision) return;
+  std::vector<scan::Reference> references;
+  for (const KeyframeMap::Id k : map.all()) references.push_back(map.reference(k));
+  places.setReferences(references);
+  size = map.size();
+  revision = map.revision();
+}
+
+std::vector<Pose2> MapAlignment::Search::find(const KeyframeMap& other, double turn_rad,
+                                              double reach_rad) const {
+  const scan::Reference newest = other.reference(static_cast<KeyframeMap::Id>(other.size() - 1));
+  std::vector<Pose2> relations;
+  const Pose2 start{0.0, 0.0, wrapAngle(turn_rad + newest.map_from_scan.theta_rad)};
+  for (const scan::PlaceCandidate& found : places.search(*newest.scan, start, kEverywhere_m, reach_rad))
+    relations.push_back(found.map_from_scan * newest.map_from_scan.inverse());
+  return relations;
+}
+
+/// Each new scan of either map is searched in the other one: what one robot sees from a place, the other may
+/// have seen from behind. It is also searched in its own map.
+void MapAlignment::addCandidates(const KeyframeMap& map, const KeyframeMap& own) {
+  search_.hold(map);
+  own_search_.hold(own);
+  if (map.size() != map_seen_)
+    for (const Pose2& own_from_map : own_search_.find(map)) consider(own_from_map.inverse());
+  if (own.size() != own_seen_) {
+    for (const Pose2& map_from_own : search_.find(own)) consider(map_from_own);
+    for (const Pose2& twin : own_search_.find(own, M_PI, M_PI - kNoTurn_rad)) {
+      const auto known = [&](const Candidate& c) { return isSame(c.map_from_own, twin); };
+      if (isSame(twin, {}) || std::any_of(symmetries_.begin(), symmetries_.end(), known)) continue;
+      symmetries_.emplace_back();
+      symmetries_.back().map_from_own = twin;
+    }
   }
-  const auto newest = static_cast<KeyframeMap::Id>(own.size() - 1);
-  const scan::Reference scan = own.reference(newest);
-  const Pose2 start = map.pose(0);
-  for (const scan::PlaceCandidate& found : search_.search(*scan.scan, start, kEverywhere_m, M_PI))
-    consider(found.map_from_scan * scan.map_from_scan.inverse());
+  map_seen_ = map.size();
+  own_seen_ = own.size();
 }
 
 /// Moves a relation to where most keyframes of the robot match the scans around them.
@@ -113,11 +170,11 @@ void MapAlignment::refine(const KeyframeMap& map, const KeyframeMap& own, Candid
     for (const KeyframeMap::Id k : ids) {
       const scan::Reference scan = own.reference(k);
       const Pose2 predicted = candidate.map_from_own * scan.map_from_scan;
+      std::vector<KeyframeMap::Id> around = map.nearest(
+          {candidate.map_from_own * own.pose(k), scan.scan->sectors()}, all, static_cast<int>(kNearest));
+      if (around.empty()) around = closest(map, predicted.translation(), kNearest);
       std::vector<scan::Reference> references;
-      for (const KeyframeMap::Id r : map.nearest({candidate.map_from_own * own.pose(k), scan.scan->sectors()},
-                                                 all, static_cast<int>(kNearest)))
-        references.push_back(map.reference(r));
-      if (references.empty()) continue;
+      for (const KeyframeMap::Id r : around) references.push_back(map.reference(r));
       const scan::Match match = matcher_.match(*scan.scan, predicted, kLoose, references);
       if (!match.valid || match.matched < options_.min_matched || match.chi2 > kMaxChi2) continue;
       const Pose2 says = match.map_from_scan * scan.map_from_scan.inverse() * own_from_middle;
@@ -146,51 +203,102 @@ void MapAlignment::refine(const KeyframeMap& map, const KeyframeMap& own, Candid
   }
 }
 
-void MapAlignment::judge(const KeyframeMap& map, const KeyframeMap& own, Candidate& candidate) const {
+void MapAlignment::judge(const MapToAlign& map_places, const MapToAlign& own_places, Candidate& candidate) {
+  const KeyframeMap &map = map_places.keyframes, &own = own_places.keyframes;
   const auto most = static_cast<std::size_t>(options_.most_scans);
-  const std::vector<KeyframeMap::Id> all = map.all();
-  std::vector<KeyframeMap::Id> near_own, near_map;
-  std::vector<bool> used(map.size(), false);
-  for (const KeyframeMap::Id k : own.all()) {
-    const auto nearest = map.nearest({candidate.map_from_own * own.pose(k)}, all, 1);
-    if (!nearest.empty()) near_own.push_back(k);
-    for (const KeyframeMap::Id r : map.nearest({candidate.map_from_own * own.pose(k)}, all)) used[r] = true;
-  }
-  for (const KeyframeMap::Id r : all)
-    if (used[r]) near_map.push_back(r);
   std::vector<scan::Reference> a, b;
-  for (const KeyframeMap::Id k : spread(own, near_own, most)) {
+  for (const KeyframeMap::Id k :
+       spread(own, nearestTo(own, map, candidate.map_from_own.inverse(), kNear * most), most)) {
     a.push_back(own.reference(k));
     a.back().map_from_scan = candidate.map_from_own * a.back().map_from_scan;
   }
-  for (const KeyframeMap::Id r : spread(map, near_map, most)) b.push_back(map.reference(r));
+  for (const KeyframeMap::Id r : spread(map, nearestTo(map, own, candidate.map_from_own, kNear * most), most))
+    b.push_back(map.reference(r));
   candidate.overlap = scan::overlapOf(a, b, options_.overlap);
+  candidate.compass = {};
+  for (const PlaceMemory* places : own_places.places) {
+    const MapCompass::Opinion opinion =
+        compass_.ask(map_places.places, *places, candidate.map_from_own, candidate.spread_rad);
+    candidate.compass.pairs += opinion.pairs;
+    candidate.compass.evidence += opinion.evidence;
+  }
+  candidate.evidence =
+      options_.surfaces.of(candidate.overlap) + std::min(options_.most_compass, candidate.compass.evidence);
 }
 
-const MapAlignment::Result& MapAlignment::update(const KeyframeMap& map, const KeyframeMap& own) {
-  const bool changed = own.size() != own_seen_ || map.size() != map_seen_ || !suggested_.empty();
-  if (!options_.use || map.size() == 0 || own.size() == 0 || !changed) return result_;
-  middle_m_ = middleOf(own);
-  if (own.size() != own_seen_) searchNewest(map, own);
-  for (const Pose2& relation : std::exchange(suggested_, {})) consider(relation);
-  own_seen_ = own.size();
-  map_seen_ = map.size();
-  for (Candidate& candidate : candidates_) {
-    refine(map, own, candidate);
-    judge(map, own, candidate);
+constexpr auto isBetter = [](const auto& a, const auto& b) { return a.evidence > b.evidence; };
+
+/// Relations of the robot's map to itself that its surfaces do not contradict. Each gives each candidate a
+/// twin.
+void MapAlignment::updateSymmetries(const MapToAlign& own) {
+  for (Candidate& symmetry : symmetries_) {
+    refine(own.keyframes, own.keyframes, symmetry);
+    judge(own, own, symmetry);
   }
-  std::stable_sort(candidates_.begin(), candidates_.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.value() > b.value(); });
+  const auto ends = [&](const Candidate& c) {
+    return isSame(c.map_from_own, {}) || !isPossible(c) || isDistinguished({}, c.compass);
+  };
+  symmetries_.erase(std::remove_if(symmetries_.begin(), symmetries_.end(), ends), symmetries_.end());
+  std::stable_sort(symmetries_.begin(), symmetries_.end(), isBetter);
+  if (symmetries_.size() > static_cast<std::size_t>(options_.most_candidates))
+    symmetries_.resize(static_cast<std::size_t>(options_.most_candidates));
+}
+
+bool MapAlignment::isPossible(const Candidate& candidate) const {
+  return candidate.overlap.contradiction() < options_.refused &&
+         options_.surfaces.of(candidate.overlap) >= 0.0;
+}
+
+/// Whether the images prefer one relation, at as many pairs of places as both have.
+bool MapAlignment::isDistinguished(const MapCompass::Opinion& best, const MapCompass::Opinion& other) const {
+  if (other.pairs == 0) return false;
+  const double share = best.pairs > other.pairs ? static_cast<double>(other.pairs) / best.pairs : 1.0;
+  return share * best.evidence - other.evidence >= options_.rival_compass;
+}
+
+/// Whether another relation explains as much. That of a symmetric map does even where the others have seen
+/// less of what it would need, unless that contradicts it.
+bool MapAlignment::isRival(const Candidate& best, const Candidate& other) const {
+  if (!isPossible(other) || isDistinguished(best.compass, other.compass)) return false;
+  if (other.overlap.distinct_agree_m > options_.rival * best.overlap.distinct_agree_m) return true;
+  const Pose2 between = best.map_from_own.inverse() * other.map_from_own;
+  return std::any_of(symmetries_.begin(), symmetries_.end(), [&](const Candidate& s) {
+    return isSame(s.map_from_own, between) || isSame(s.map_from_own, between.inverse());
+  });
+}
+
+const MapAlignment::Result& MapAlignment::update(const MapToAlign& map, const MapToAlign& own) {
+  const KeyframeMap &theirs = map.keyframes, &mine = own.keyframes;
+  const bool changed = mine.size() != own_seen_ || theirs.size() != map_seen_;
+  if (!options_.use || theirs.size() == 0 || mine.size() == 0 || !changed) return result_;
+  middle_m_ = middleOf(mine);
+  const bool grown = mine.size() != own_seen_;
+  addCandidates(theirs, mine);
+  if (grown) updateSymmetries(own);
+  std::size_t judged = 0;
+  const auto judgeNew = [&] {
+    for (; judged < candidates_.size(); ++judged) {
+      refine(theirs, mine, candidates_[judged]);
+      judge(map, own, candidates_[judged]);
+    }
+    std::stable_sort(candidates_.begin(), candidates_.end(), isBetter);
+  };
+  judgeNew();
+  if (!candidates_.empty()) {
+    const Pose2 best = candidates_.front().map_from_own;
+    for (const Candidate& symmetry : symmetries_) consider(best * symmetry.map_from_own);
+    judgeNew();
+  }
   // Candidates that refinement has led to one relation are one.
   std::vector<Candidate> distinct;
   for (const Candidate& candidate : candidates_) {
     const auto same = [&](const Candidate& c) { return isSame(c.map_from_own, candidate.map_from_own); };
     if (std::none_of(distinct.begin(), distinct.end(), same)) distinct.push_back(candidate);
   }
-  if (distinct.size() > static_cast<std::size_t>(options_.most_candidates))
-    distinct.resize(static_cast<std::size_t>(options_.most_candidates));
   candidates_ = std::move(distinct);
   decide();
+  if (candidates_.size() > static_cast<std::size_t>(options_.most_candidates))
+    candidates_.resize(static_cast<std::size_t>(options_.most_candidates));
   return result_;
 }
 
@@ -213,18 +321,23 @@ void MapAlignment::decide() {
     if (contradiction > options_.refused) result_.status = AlignmentStatus::kRefused;
     return;
   }
+  if (best.compass.evidence < options_.least_compass) {
+    result_.reason += "; the images contradict the heading";
+    return;
+  }
+  if (best.evidence < options_.least_evidence) {
+    result_.reason += "; more must agree";
+    return;
+  }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> normals(best.overlap.normals);
   if (normals.eigenvalues()(0) < options_.least_spread) {
     result_.reason += "; nearly all are parallel";
     return;
   }
   for (std::size_t i = 1; i < candidates_.size(); ++i) {
-    const Candidate& other = candidates_[i];
-    if (other.overlap.contradiction() < options_.refused &&
-        other.overlap.distinct_agree_m > options_.rival * best.overlap.distinct_agree_m) {
-      result_.reason += "; another relation fits as well";
-      return;
-    }
+    if (!isRival(best, candidates_[i])) continue;
+    result_.reason += "; another relation fits as well";
+    return;
   }
   const double n = std::max(1.0, static_cast<double>(best.matched));
   const double m = best.spread_m / std::sqrt(n) + 0.005, rad = best.spread_rad / std::sqrt(n) + 0.003;

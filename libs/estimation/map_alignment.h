@@ -6,6 +6,9 @@
 #include <vector>
 
 #include "estimation/keyframe_map.h"
+#include "estimation/map_compass.h"
+#include "estimation/place_memory.h"
+#include "estimation/surface_evidence.h"
 #include "geometry/pose2.h"
 #include "observation/observation.h"
 #include "options/options.h"
@@ -21,25 +24,48 @@ struct MapAlignmentOptions {
   double most_contradict = 0.2;  ///< 1, share of the common distinct surfaces that may contradict
   double refused = 0.35;         ///< 1, share from which two maps that look alike are not one
   double least_spread = 0.1;     ///< 1, of the surfaces' normals (Overlap::normals): not in a corridor
-  double rival = 0.6;            ///< 1, share of its surfaces at which another relation is as good
-  int least_matched = 3;         ///< keyframes of the robot that must match the others' scans
-  double min_matched = 0.4;      ///< 1, share of a scan's lines that must meet for that
-  int most_scans = 16;           ///< of each map that are compared, spread over what both have in common
-  int most_candidates = 6;       ///< relations that are followed at a time
+  double least_evidence = 6.0;  ///< nats, of surfaces and compass: look-alike rooms reach 5.6, one room 8–16
+  double most_compass = 2.0;    ///< nats, of these by the compass: rooms with equal walls may look alike, too
+  double least_compass = -3.0;  ///< nats, below which the compass contradicts, whatever the surfaces say
+  double rival = 0.6;           ///< 1, share of its surfaces at which another relation is as good, …
+  /// nats, … unless the compass prefers the better one by so much, at as many pairs of places
+  double rival_compass = 3.0;
+  int least_matched = 3;     ///< keyframes of the robot that must match the others' scans
+  double min_matched = 0.4;  ///< 1, share of a scan's lines that must meet for that
+  int most_scans = 16;       ///< of each map that are compared, spread over what both have in common
+  int most_candidates = 6;   ///< relations that are followed at a time
+  SurfaceEvidence surfaces;
+  MapCompassOptions compass;
   scan::PlaceSearchOptions search;
   scan::OverlapOptions overlap;
+  /// The search looks for more candidates than relocalization: the evidence decides.
+  MapAlignmentOptions() {
+    search.min_score = 0.4;
+    search.most = 6;
+  }
   static MapAlignmentOptions read(const options::Section& section);
 };
 
-/// Finds how the map of a robot that does not know where it started lies in the map of the others, from the
-/// scans of both. Candidates come from searches of single scans (scan::PlaceSearch). Each is refined by
-/// matching many scans, and judged by all surfaces that both maps should show: what agrees, what contradicts,
-/// and whether another relation explains as much. So equal walls with other furniture are refused, and a
-/// corner that fits in four places stays undecided.
+/// A map to be compared: scans and places of the same robots. Kept by reference.
+struct MapToAlign {
+  const KeyframeMap& keyframes;
+  std::vector<const PlaceMemory*> places = {};
+};
+
+/// Finds how the map of a robot without initial pose lies in the map of the others, from the scans and
+/// signatures of both. Candidates come from searches of single scans of one map among those of the other
+/// (scan::PlaceSearch), and from searches in the robot's own map: where it is symmetric, each candidate has a
+/// twin. Each is refined by matching many scans, and judged by all surfaces that both maps should show, by
+/// the visual compass at places near each other, and by its rivals. So equal walls with other furniture are
+/// refused, and a symmetric room stays undecided unless the images distinguish its sides.
 class MapAlignment {
  public:
   explicit MapAlignment(const MapAlignmentOptions& options, const scan::MatchOptions& match = {})
-      : options_(options), search_(options.search), matcher_(match) {}
+      : options_(options),
+        search_(options.search),
+        own_search_(options.search),
+        matcher_(match),
+        compass_(options.compass) {}
 
   struct Result {
     AlignmentStatus status = AlignmentStatus::kUndecided;
@@ -53,36 +79,49 @@ class MapAlignment {
 
   /// Looks at what is new since the last call. Costs some 10 ms if there is a new keyframe.
   /// @param map of the others @param own of the robot
-  const Result& update(const KeyframeMap& map, const KeyframeMap& own);
-
-  /// A relation that something else suggests, such as two robots that see each other.
-  void suggest(const Pose2& map_from_own);
+  const Result& update(const MapToAlign& map, const MapToAlign& own);
 
  private:
   struct Candidate {
     Pose2 map_from_own;
     scan::Overlap overlap;
+    MapCompass::Opinion compass;
+    double evidence = 0.0;  ///< nats, of surfaces and compass, against another room
     int matched = 0;        ///< keyframes
     double spread_m = 0.0;  ///< rms of what single keyframes say about the relation, …
     double spread_rad = 0.0;
-    double value() const { return overlap.distinct_agree_m - 2.0 * overlap.distinct_contradict_m; }
   };
-  void searchNewest(const KeyframeMap& map, const KeyframeMap& own);
+  /// A search among the scans of one map.
+  struct Search {
+    explicit Search(const scan::PlaceSearchOptions& options) : places(options) {}
+    scan::PlaceSearch places;
+    std::size_t size = 0;        ///< keyframes of the map in it, …
+    std::uint32_t revision = 0;  ///< … as they lay then
+    void hold(const KeyframeMap& map);
+    /// Relations held_from_other by the newest scan of another map. @param turn_rad of other against held,
+    /// and how far about it is searched
+    std::vector<Pose2> find(const KeyframeMap& other, double turn_rad = 0.0, double reach_rad = M_PI) const;
+  };
+  void addCandidates(const KeyframeMap& map, const KeyframeMap& own);
   void consider(const Pose2& map_from_own);
   void refine(const KeyframeMap& map, const KeyframeMap& own, Candidate& candidate);
-  void judge(const KeyframeMap& map, const KeyframeMap& own, Candidate& candidate) const;
+  void judge(const MapToAlign& map, const MapToAlign& own, Candidate& candidate);
+  void updateSymmetries(const MapToAlign& own);
   bool isSame(const Pose2& a, const Pose2& b) const;
+  bool isPossible(const Candidate& candidate) const;
+  bool isDistinguished(const MapCompass::Opinion& best, const MapCompass::Opinion& other) const;
+  bool isRival(const Candidate& best, const Candidate& other) const;
   void decide();
 
   MapAlignmentOptions options_;
-  scan::PlaceSearch search_;
+  Search search_, own_search_;               ///< among the scans of the others, and of the robot
+  std::size_t map_seen_ = 0, own_seen_ = 0;  ///< keyframes at the last call
   scan::ScanMatcher matcher_;
-  std::size_t own_seen_ = 0, map_seen_ = 0;
-  std::size_t searched_ = 0;                            ///< keyframes of the map in search_, …
-  std::uint32_t searched_revision_ = 0;                 ///< … as they lay then
+  MapCompass compass_;
   Eigen::Vector2d middle_m_ = Eigen::Vector2d::Zero();  ///< of the own keyframes
-  std::vector<Pose2> suggested_;
-  std::vector<Candidate> candidates_;  ///< best first
+  std::vector<Candidate> candidates_;                   ///< best first
+  std::vector<Candidate>
+      symmetries_;  ///< relations of the robot's map to itself; map_from_own is own_from_own
   Result result_;
 };
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Measures what the visual compass and the difference of signatures give to the localizer: paths with and without them,
 # with and without wheels. The variant follows from the seed: a well lit furnished room, a dim one, one in which the wheels
-# slip for two seconds (independent renderer, tests/raycast), and an arena of free-standing obstacles. Prints four
+# slip for 12 seconds (independent renderer, tests/raycast), and an arena of free-standing obstacles. Prints four
 # rows per seed as it finishes, then the medians and the worst values by variant and wheels; writes them to OUT/table.txt.
 # Finished runs are not repeated: after Ctrl-C the same command continues.
 # Remove OUT/seed_*/{wheels,no_wheels}_* to measure again on the same recordings.
@@ -21,7 +21,7 @@ mkdir -p "$out"
 out="$(cd "$out" && pwd)"
 
 variants=("lit room" "dim room" "slip" "arena")
-options=("--loop --fast" "--loop --fast --dim --vga" "--robots 1 --frames 200 --fast --slip 10-12" "")
+options=("--loop --fast" "--loop --fast --dim --vga" "--robots 1 --frames 200 --fast --slip 10-22" "")
 
 make_recording() {
   local variant=$((seed % 4))

@@ -8,6 +8,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "appearance/map_files.h"
 #include "dataset/dataset.h"
 #include "dataset/ground_truth.h"
 #include "evaluation/shape.h"
@@ -37,16 +38,17 @@ const dataset::ImageStream* frames(const dataset::RobotRecording* robot) {
   return robot->front ? &*robot->front : nullptr;
 }
 
-/// The nodes of the place graph have the index of their image in data.csv.
+/// The nodes of the place graph have the index of their image in data.csv. Throws std::runtime_error if the
+/// saved map is cut short or altered.
 void comparePlaces(const std::string& path, const dataset::ImageStream& stream,
                    const std::vector<StampedPose>& truth, RobotReport& report) {
   std::vector<Eigen::Vector2d> got, expected;
-  for (const dataset::G2oVertex& vertex : dataset::readG2o(path).vertices) {
+  for (const Place& place : appearance::loadMap(path).places) {
     for (const dataset::ImageRow& row : stream.rows) {
       Pose2 pose;
-      if (static_cast<int>(row.sequence) != vertex.id) continue;
+      if (row.sequence != place.sequence) continue;
       if (!evaluation::poseAt(truth, row.time_ns, kMaxGap_ns, pose)) continue;
-      got.push_back(vertex.pose.translation());
+      got.push_back(place.frame_from_base.translation());
       expected.push_back(pose.translation());
     }
   }

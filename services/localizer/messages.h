@@ -48,27 +48,27 @@ inline Message camerasDisagree(const std::string& first, const std::string& seco
 inline Message markersAmbiguous(const std::string& camera, const std::string& robot, bool decided) {
   return {ErrorCode::kMarkersAmbiguous,
           fmt::format("camera {}: two markers have the colours of {}; {}. Remove one or change its colours",
-                      camera, robot,
-                      decided ? "the one near its last pose is used" : "neither is used")};
+                      camera, robot, decided ? "the one near its last pose is used" : "neither is used")};
 }
 /// A robot without an initial pose has found its place in the common map.
 inline Message robotMatched(const std::string& robot, const Alignment& alignment) {
   const Pose2& at = alignment.map_from_frame;
   return {ErrorCode::kFrameMatched,
-          fmt::format("{} at {:.1f} s: its map matches the common map ({}); it started at ({:.2f}, {:.2f}) m, "
-                      "{:.1f} degrees, and all it observed joins the map",
-                      robot, 1e-9 * static_cast<double>(alignment.acquired_ns), alignment.reason, at.x_m,
-                      at.y_m, at.theta_rad * 180.0 / M_PI)};
+          fmt::format(
+              "{} at {:.1f} s: its map matches the common map ({}); its initial pose is ({:.2f}, {:.2f}) m, "
+              "{:.1f} degrees, and all it observed joins the map",
+              robot, 1e-9 * static_cast<double>(alignment.acquired_ns), alignment.reason, at.x_m, at.y_m,
+              at.theta_rad * 180.0 / M_PI)};
 }
 inline Message robotNotMatched(const std::string& robot, const Alignment& alignment) {
   return {ErrorCode::kFrameNotMatched,
-          fmt::format("{}: {} ({}); nothing of it is in the common map, its own map is in maps/{}. Give it an "
-                      "initial_pose, or let it drive where the others have been",
-                      robot,
-                      alignment.status == AlignmentStatus::kRefused
-                          ? "its map contradicts the common map"
-                          : "its map was not matched with the common map",
-                      alignment.reason, robot)};
+          fmt::format(
+              "{}: {} ({}); nothing of it is in the common map, its own map is in maps/{}. Give it an "
+              "initial_pose, or let it drive where the others have been",
+              robot,
+              alignment.status == AlignmentStatus::kRefused ? "its map contradicts the common map"
+                                                            : "its map was not matched with the common map",
+              alignment.reason, robot)};
 }
 /// A message of the estimator with robot, acquisition time and, if the robot is localized, its place in map.
 inline Message ofRobot(const PoseEstimate& pose, const Message& message) {

@@ -9,8 +9,12 @@
 namespace omnifleet::localizer {
 namespace {
 
-constexpr int kPatience = 10;         // frames after which sightings may locate a robot without scans
-constexpr std::size_t kFewScans = 2;  // keyframes that are no map yet
+// Sightings may locate a robot whose scans make no map: after so many frames without a scan, or with so few
+// keyframes where it has driven so far.
+constexpr int kPatience = 10;
+constexpr std::size_t kFewScans = 2;
+constexpr double kDriven_m = 1.0;
+constexpr double kMoved_m = 0.02;  // more than the error of a pose
 constexpr const char* kNoScan = "no scan yet";
 constexpr double kScoreChanged = 0.02;  // of an alignment that is published again
 
@@ -35,7 +39,9 @@ OwnFrames::OwnFrames(const std::vector<estimation::RobotSetup>& robots,
     Own own{estimation::FleetEstimator(alone(robots, name, pose), options),
             estimation::MapAlignment(options.alignment, options.match),
             {},
-            0};
+            0,
+            0.0,
+            pose};
     own_.emplace(name, std::move(own));
     Alignment alignment;
     alignment.robot = alignment.frame = name;
@@ -65,6 +71,14 @@ PoseEstimate OwnFrames::process(TimeNs time, const Objects& frame) {
   Own& own = own_.at(frame.robot);
   std::vector<PoseEstimate> poses = own.estimator.process(time, {&frame}, {});
   ++own.frames;
+  if (poses.front().valid) {
+    const double moved_m =
+        (poses.front().map_from_base.translation() - own.counted_from.translation()).norm();
+    if (moved_m > kMoved_m) {
+      own.driven_m += moved_m;
+      own.counted_from = poses.front().map_from_base;
+    }
+  }
   inOwnFrame(frame.robot, poses);
   return std::move(poses.front());
 }
@@ -83,9 +97,12 @@ void OwnFrames::refine(estimation::FleetEstimator& common, TimeNs time) {
     inOwnFrame(robot, revised);
     revised_.insert(revised_.end(), revised.begin(), revised.end());
     for (Message& finding : own.estimator.takeFindings()) findings_.push_back(std::move(finding));
-    common.allowSightings(robot, own.frames >= kPatience && own.estimator.keyframes().size() < kFewScans);
+    const std::size_t scans = own.estimator.keyframes().size();
+    common.allowSightings(
+        robot, own.frames >= kPatience && (scans == 0 || (scans < kFewScans && own.driven_m > kDriven_m)));
     const estimation::MapAlignment::Result& result =
-        own.matcher.update(common.keyframes(), own.estimator.keyframes());
+        own.matcher.update({common.keyframes(), common.placeMemories()},
+                           {own.estimator.keyframes(), own.estimator.placeMemories()});
     Alignment alignment;
     alignment.robot = robot;
     alignment.acquired_ns = time;

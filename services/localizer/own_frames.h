@@ -50,6 +50,8 @@ class OwnFrames {
     estimation::MapAlignment matcher;
     Alignment published;
     int frames = 0;
+    double driven_m = 0.0;  ///< …
+    Pose2 counted_from;     ///< … up to this pose
   };
   void publish(const std::string& robot, Alignment alignment);
   void inOwnFrame(const std::string& robot, std::vector<PoseEstimate>& poses) const;

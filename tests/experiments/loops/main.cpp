@@ -29,7 +29,7 @@ estimation::LoopCheckOptions scansAlone() {
   options.most_contradict = options.refused = 1.0;
   options.most_sigma_m = 0.1;
   // No evidence is asked for: the best candidate of the search counts.
-  options.other_share = options.missed_share;
+  options.surfaces.other_share = options.surfaces.missed_share;
   options.least_evidence = options.rival_evidence = 0.0;
   return options;
 }

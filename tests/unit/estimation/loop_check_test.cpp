@@ -94,7 +94,7 @@ TEST(LoopCheck, StaysOpenInARoomWithEqualWallsAndOtherFurniture) {
   EXPECT_NE(result.reason.find("contradict"), std::string::npos) << result.reason;
   LoopCheckOptions walls;
   walls.most_contradict = 1.0;
-  walls.missed_share = walls.other_share;
+  walls.surfaces.missed_share = walls.surfaces.other_share;
   walls.least_evidence = walls.rival_evidence = 0.0;
   EXPECT_TRUE(LoopCheck(walls).check(papered_from.place(), papered_to.place()).closed)
       << "it is the surfaces that contradict which keep the loop open";

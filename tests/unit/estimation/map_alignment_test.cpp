@@ -4,9 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 #include <random>
 #include <vector>
 
+#include "appearance/signature.h"
+#include "appearance/stored_signature.h"
+#include "tests/unit/appearance/textured_room.h"
 #include "tests/unit/scan/room_scans.h"
 
 namespace omnifleet::estimation {
@@ -19,6 +23,12 @@ constexpr double kRoomSigma = 0.003;  // 1/m
 Polygon rectangle(double x0, double y0, double x1, double y1) {
   return {{x0, y0}, {x1, y0}, {x1, y1}, {x0, y1}};
 }
+
+/// What robots see on the walls; the images of the robot are turned against its scans.
+struct Wallpaper {
+  unsigned texture = 5;
+  double turned_rad = 0.0;
+};
 
 /// Keyframes with exact relations along a path in a room; the frame is that of the first one, or map.
 class Explored {
@@ -42,12 +52,29 @@ class Explored {
       held.previous_from_this = map.pose(*held.previous).inverse() * pose;
     }
     source.rich = false;  // no camera to calibrate
-    map.add(pose, std::move(source), scan, held, {});
+    const KeyframeMap::Id keyframe = map.add(pose, std::move(source), scan, held, {});
+    if (wallpaper) addPlace(room_from_base, pose, keyframe);
   }
+
+  void addPlace(const Pose2& room_from_base, const Pose2& pose, KeyframeMap::Id keyframe) {
+    const appearance::PanoramaOptions size;
+    appearance::SignatureMaker maker(test::roomUnwrapper(size), {});
+    const Pose2 seen_from = room_from_base * Pose2{0.0, 0.0, wallpaper->turned_rad};
+    Place place;
+    place.robot = robot_ == 0 ? "r1" : "r2";
+    place.frame_from_base = pose;
+    place.format = maker.format();
+    place.signature =
+        appearance::store(maker.compute(test::TexturedRoom(wallpaper->texture).panorama(seen_from, size)));
+    places.add(std::move(place), keyframe, map, Eigen::Matrix3d::Identity());
+  }
+  MapToAlign all() const { return {map, {&places}}; }
 
   const KeyframeOptions options;
   const scan::MatchOptions match;
   KeyframeMap map = KeyframeMap(options, match);
+  PlaceMemory places;
+  std::optional<Wallpaper> wallpaper;
 
  private:
   Scene scene_;
@@ -67,15 +94,20 @@ std::vector<Pose2> circuit(double from, double to, int count) {
   return poses;
 }
 
-MapAlignment::Result align(const Scene& common, const Scene& own, double own_share = 0.7) {
+MapAlignment::Result align(const Scene& common, const Scene& own, double own_share = 0.7,
+                           const std::optional<Wallpaper>& wallpaper = std::nullopt) {
   Explored others(common, 1, 0), robot(own, 2, 1);
+  if (wallpaper) {
+    others.wallpaper = Wallpaper{wallpaper->texture, 0.0};
+    robot.wallpaper = wallpaper;
+  }
   for (const Pose2& pose : circuit(0.0, 1.0, 16)) others.drive(pose, {});
   const MapAlignmentOptions defaults;
   MapAlignment alignment(defaults);
   MapAlignment::Result result;
   for (const Pose2& pose : circuit(0.4, 0.4 + own_share, 10)) {
     robot.drive(pose, kOwnFromRoom);
-    result = alignment.update(others.map, robot.map);
+    result = alignment.update(others.all(), robot.all());
   }
   return result;
 }
@@ -87,6 +119,12 @@ Scene lookAlike() {
   room.outlines.push_back(rectangle(1.3, 1.3, 2.5, 2.0));
   room.outlines.push_back(rectangle(-0.2, -0.1, 0.3, 0.2));
   return room;
+}
+
+/// The same after half a turn.
+Scene symmetricRoom() {
+  return {{rectangle(-2.5, -2.0, 2.5, 2.0), rectangle(1.7, 1.2, 2.4, 1.9), rectangle(-2.4, -1.9, -1.7, -1.2),
+           rectangle(-0.4, 1.3, 0.1, 2.0), rectangle(-0.1, -2.0, 0.4, -1.3)}};
 }
 
 TEST(MapAlignment, MatchesTwoMapsOfOneRoom) {
@@ -105,9 +143,25 @@ TEST(MapAlignment, RejectsEqualWallsWithOtherFurniture) {
 }
 
 TEST(MapAlignment, StaysUndecidedInASymmetricRoom) {
-  const Scene bare{{rectangle(-2.5, -2.0, 2.5, 2.0)}};
-  const MapAlignment::Result result = align(bare, bare);
+  const MapAlignment::Result result = align(symmetricRoom(), symmetricRoom());
   EXPECT_EQ(result.status, AlignmentStatus::kUndecided) << result.reason;
+  EXPECT_NE(result.reason.find("another relation"), std::string::npos) << result.reason;
+}
+
+// The scans of the robot fit best where the others have been, turned by π: it sees its corner as they saw the
+// opposite one. Its own map shows that the room is symmetric.
+TEST(MapAlignment, StaysUndecidedInASymmetricRoomSeenFromOppositeCorners) {
+  const Scene room = symmetricRoom();
+  Explored others(room, 1, 0), robot(room, 2, 1);
+  for (const Pose2& pose : circuit(0.0, 0.25, 6)) others.drive(pose, {});
+  const MapAlignmentOptions defaults;
+  MapAlignment alignment(defaults);
+  MapAlignment::Result result;
+  for (const Pose2& pose : circuit(0.5, 0.75, 6)) {
+    robot.drive(pose, kOwnFromRoom);
+    result = alignment.update(others.all(), robot.all());
+    EXPECT_EQ(result.status, AlignmentStatus::kUndecided) << result.reason;
+  }
   EXPECT_NE(result.reason.find("another relation"), std::string::npos) << result.reason;
 }
 
@@ -127,22 +181,40 @@ TEST(MapAlignment, StaysUndecidedInACorridor) {
   for (int k = 0; k < 12; ++k) others.drive({0.3 * k, 0.1, 0.0}, {});
   for (int k = 0; k < 12; ++k) {
     robot.drive({0.3 * k + 1.0, -0.1, 0.0}, kOwnFromRoom);
-    result = alignment.update(others.map, robot.map);
+    result = alignment.update(others.all(), robot.all());
   }
   EXPECT_EQ(result.status, AlignmentStatus::kUndecided) << result.reason;
 }
 
-TEST(MapAlignment, UsesASuggestedRelation) {
+// The wallpaper differs from side to side, so the visual compass decides between both relations.
+TEST(MapAlignment, MatchesASymmetricRoomWhereTheImagesDistinguishItsSides) {
+  const MapAlignment::Result result = align(symmetricRoom(), symmetricRoom(), 0.7, Wallpaper{});
+  ASSERT_EQ(result.status, AlignmentStatus::kMatched) << result.reason;
+  const Pose2 off = result.map_from_own * kOwnFromRoom;
+  EXPECT_LT(off.translation().norm(), 0.02);
+  EXPECT_LT(std::abs(off.theta_rad), 0.01);  // not π
+}
+
+// Same surfaces, but the images say another heading.
+TEST(MapAlignment, ImagesThatContradictTheHeadingKeepMapsApart) {
+  const Scene room = scan::testing::furnishedRoom();
+  const MapAlignment::Result result = align(room, room, 0.7, Wallpaper{5, 0.5 * M_PI});
+  EXPECT_NE(result.status, AlignmentStatus::kMatched) << result.reason;
+  EXPECT_NE(result.reason.find("images contradict"), std::string::npos) << result.reason;
+}
+
+// Evidence grows with the surfaces that both maps show: few of them do not join two maps.
+TEST(MapAlignment, StaysUndecidedOnLittleEvidence) {
   const Scene room = scan::testing::furnishedRoom();
   Explored others(room, 1, 0), robot(room, 2, 1);
   for (const Pose2& pose : circuit(0.0, 1.0, 16)) others.drive(pose, {});
   for (const Pose2& pose : circuit(0.4, 1.1, 10)) robot.drive(pose, kOwnFromRoom);
   MapAlignmentOptions options;
-  options.search.min_score = 1.0;  // no match without the suggestion
-  MapAlignment alignment(options);
-  EXPECT_NE(alignment.update(others.map, robot.map).status, AlignmentStatus::kMatched);
-  alignment.suggest(kOwnFromRoom.inverse() * Pose2{0.1, 0.0, 0.05});
-  EXPECT_EQ(alignment.update(others.map, robot.map).status, AlignmentStatus::kMatched);
+  EXPECT_EQ(MapAlignment(options).update(others.all(), robot.all()).status, AlignmentStatus::kMatched);
+  options.least_evidence = 100.0;  // nats; these rooms have no such evidence
+  const MapAlignment::Result result = MapAlignment(options).update(others.all(), robot.all());
+  EXPECT_EQ(result.status, AlignmentStatus::kUndecided);
+  EXPECT_NE(result.reason.find("more must agree"), std::string::npos) << result.reason;
 }
 
 TEST(KeyframeMapAppend, RelatesBothMapsByScanMatches) {

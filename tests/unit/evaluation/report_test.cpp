@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "appearance/map_files.h"
 #include "dataset/atomic_file.h"
 #include "dataset/writer.h"
 #include "tests/test_data.h"
@@ -47,18 +49,25 @@ class Evaluate : public ::testing::Test {
     camera.focal_px = {3, 3};
     dataset::ImageStreamWriter frames(recording_, "r1/fisheye", camera);
     std::vector<dataset::StampedPose> truth, estimate;
-    dataset::G2oGraph places;
+    appearance::SavedMap places;
+    places.robot = "r1";
+    places.frame = "map";
     for (int i = 0; i < 10; ++i) {
       const Pose2 pose{0.1 * i, 0.02 * i * i, 0.05 * i};
       truth.push_back({i * 100, pose});
       estimate.push_back({i * 100, Pose2{pose.x_m + kShift_m, pose.y_m, pose.theta_rad}});
-      places.vertices.push_back({i, Pose2{2 * pose.x_m, 2 * pose.y_m, 0}});
+      Place place;
+      place.robot = "r1";
+      place.index = place.sequence = static_cast<std::uint32_t>(i);
+      place.acquired_ns = i * 100;
+      place.frame_from_base = {2 * pose.x_m, 2 * pose.y_m, 0};
+      places.places.push_back(place);
       frames.writeMissing(i * 100);
     }
     dataset::writeTruthTrajectory(recording_, "r1", truth);
     dataset::writeTruthScene(recording_, {box(0, 1, 1), box(1, -1, 0)});
     dataset::writeTum(out_ + "/trajectories/r1.tum", estimate);
-    dataset::writeG2o(out_ + "/places/r1.g2o", places);
+    appearance::saveMap(out_ + "/places/r1.g2o", places);
     dataset::writeObjects(out_ + "/objects.geojson", {box(7, 1 + kShift_m, 1), box(8, 3, 3)});
     dataset::writeAtomic(out_ + "/tracks/r1.csv", "#t,track,kind,x,y\n0,1,obstacle,1,1\n");
   }
@@ -66,6 +75,28 @@ class Evaluate : public ::testing::Test {
   test::TempFolder folder_;
   const std::string recording_ = folder_ / "recording", out_ = folder_ / "out";
 };
+
+TEST_F(Evaluate, RefusesATopologicalMapThatIsCutShortOrAltered) {
+  const std::string path = out_ + "/places/r1.g2o", text = dataset::readFile(path);
+  const auto expectRefused = [&] {
+    try {
+      evaluateRun(out_, recording_);
+      FAIL() << "the map must be refused";
+    } catch (const std::runtime_error& error) {
+      EXPECT_NE(std::string(error.what()).find("places/r1.g2o"), std::string::npos) << error.what();
+    }
+  };
+  dataset::writeAtomic(path, text.substr(0, text.find("VERTEX_SE2 5")));
+  expectRefused();
+  std::string altered = text;
+  altered[text.find("VERTEX_SE2 5") + 13] = '7';
+  dataset::writeAtomic(path, altered);
+  expectRefused();
+  dataset::writeAtomic(path, text);
+  EXPECT_EQ(evaluateRun(out_, recording_).robots[0].places, 10);
+  std::filesystem::remove(path + ".signatures");
+  expectRefused();
+}
 
 TEST_F(Evaluate, MeasuresInsertedErrors) {
   const Report report = evaluateRun(out_, recording_);
