@@ -313,7 +313,7 @@ void MapAlignment::decide() {
   result_.middle_m = middle_m_;
   result_.reason = fmt::format("{:.1f} m of distinct surfaces agree with the common map, {:.1f} m contradict",
                                best.overlap.distinct_agree_m, best.overlap.distinct_contradict_m);
-  if (best.overlap.distinct_agree_m < options_.least_agree_m || best.matched < options_.least_matched) {
+  if (best.overlap.distinct_agree_m < options_.least_agree_m) {
     result_.reason += "; more must agree";
     return;
   }
@@ -325,7 +325,7 @@ void MapAlignment::decide() {
     result_.reason += "; the images contradict the heading";
     return;
   }
-  if (best.evidence < options_.least_evidence) {
+  if (best.matched < options_.least_matched || best.evidence < options_.least_evidence) {
     result_.reason += "; more must agree";
     return;
   }

@@ -147,8 +147,12 @@ TEST(OwnFrames, ReportAtTheEndThatMapsContradict) {
 }
 
 TEST(OwnFrames, ReportAtTheEndThatSeveralRelationsFit) {
-  const Scene bare{{{{-2.5, -2.0}, {2.5, -2.0}, {2.5, 2.0}, {-2.5, 2.0}}}};
-  TwoRobots robots(bare, bare, 60);
+  const Scene symmetric{{{{-2.5, -2.0}, {2.5, -2.0}, {2.5, 2.0}, {-2.5, 2.0}},
+                         {{1.7, 1.2}, {2.4, 1.2}, {2.4, 1.9}, {1.7, 1.9}},
+                         {{-2.4, -1.9}, {-1.7, -1.9}, {-1.7, -1.2}, {-2.4, -1.2}},
+                         {{-0.4, 1.3}, {0.1, 1.3}, {0.1, 2.0}, {-0.4, 2.0}},
+                         {{-0.1, -2.0}, {0.4, -2.0}, {0.4, -1.3}, {-0.1, -1.3}}}};
+  TwoRobots robots(symmetric, symmetric, 60);
   expectReported(robots.drive(), AlignmentStatus::kUndecided, "another relation");
 }
 
