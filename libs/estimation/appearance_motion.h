@@ -11,7 +11,9 @@ namespace omnifleet::estimation {
 
 struct AppearanceOptions {
   bool use = true;  ///< the visual compass and the distance of signatures correct the motion
-  bool with_wheels = true;  ///< the compass corrects the turns of wheels, too: they may slip
+  /// The compass corrects the turns of wheels, too. It rescues a robot whose wheels slip for many seconds; in
+  /// arenas of few obstacles it costs accuracy, so it is off (docs/results.md).
+  bool with_wheels = false;
   double least_confidence = 0.3;  ///< 1, of a turn by the compass
   double sigma_factor = 1.0;      ///< 1, on the σ of the compass
   double robust_sigmas = 2.0;     ///< σ at which a turn of the compass counts half (Cauchy)

@@ -57,7 +57,7 @@ run_seed() {
   for wheels in wheels no_wheels; do
     for appearance in with without; do
       overlay="$folder/${wheels}_$appearance.yaml"
-      printf 'services:\n  localizer: {estimator: {appearance: {use: %s}}}\n' \
+      printf 'services:\n  localizer: {estimator: {appearance: {use: %s, with_wheels: true}}}\n' \
         "$([ "$appearance" = with ] && echo true || echo false)" >"$overlay"
       [ "$wheels" = wheels ] || printf '  local_mapper: {wheels: {use: false}}\n' >>"$overlay"
       replay "$folder/recording" "$folder/${wheels}_$appearance" --config "$overlay"
