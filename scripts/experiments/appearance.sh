@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Measures what the visual compass and the difference of signatures give to the localizer: paths with and without them,
-# with and without wheels. The variant follows from the seed: a well lit furnished room, a dim one, one in which the wheels
+# with and without wheels. "With" has the compass correct wheels, too (with_wheels). The variant follows from the seed: a well lit
+# furnished room, a dim one, one in which the wheels
 # slip for 12 seconds (independent renderer, tests/raycast), and an arena of free-standing obstacles. Prints four
 # rows per seed as it finishes, then the medians and the worst values by variant and wheels; writes them to OUT/table.txt.
 # Finished runs are not repeated: after Ctrl-C the same command continues.
