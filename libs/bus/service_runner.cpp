@@ -55,7 +55,8 @@ void onSignal(int number) {
   if (Bus* bus = signalled_bus) bus->requestStop();
 }
 
-/// SIGINT and SIGTERM stop the bus. Construct before the bus, so that no signal is missed.
+/// SIGHUP (unless it is ignored, as under nohup), SIGINT and SIGTERM stop the bus. Construct before the bus,
+/// so that no signal is missed.
 class StopSignals {
  public:
   StopSignals() {
@@ -64,10 +65,18 @@ class StopSignals {
     struct sigaction action {};
     action.sa_handler = onSignal;
     sigemptyset(&action.sa_mask);
+    if (!ignores(SIGHUP)) sigaction(SIGHUP, &action, nullptr);
     sigaction(SIGINT, &action, nullptr);
     sigaction(SIGTERM, &action, nullptr);
     std::signal(SIGABRT, onAbort);
     std::signal(SIGPIPE, SIG_IGN);  // a closed log must not kill a stage
+  }
+
+ private:
+  static bool ignores(int number) {
+    struct sigaction action {};
+    sigaction(number, nullptr, &action);
+    return action.sa_handler == SIG_IGN;
   }
 };
 

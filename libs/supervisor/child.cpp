@@ -17,6 +17,14 @@
 namespace omnifleet::supervisor {
 namespace {
 
+constexpr int kStopped = 128;  // exit code offset of programs that end in order after a signal
+
+bool ignoresHangup() {
+  struct sigaction action {};
+  sigaction(SIGHUP, nullptr, &action);
+  return action.sa_handler == SIG_IGN;
+}
+
 [[noreturn]] void fail(const std::string& name, const std::string& what, int error) {
   throw std::runtime_error(fmt::format("{}: {}: {}", name, what, std::strerror(error)));
 }
@@ -69,6 +77,7 @@ struct Launch {
   std::vector<std::string> arguments, variables;
   std::vector<char*> argv, envp;
   int null = -1, log = -1, report = -1;
+  bool ignores_hangup = false;
   pid_t parent = -1;
 };
 
@@ -76,7 +85,8 @@ struct Launch {
   setpgid(0, 0);
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != launch.parent) _exit(127);  // the supervisor ended before prctl()
-  for (const int number : {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGCHLD}) signal(number, SIG_DFL);
+  for (const int number : {SIGINT, SIGTERM, SIGPIPE, SIGCHLD}) signal(number, SIG_DFL);
+  signal(SIGHUP, launch.ignores_hangup ? SIG_IGN : SIG_DFL);
   sigset_t none;
   sigemptyset(&none);
   sigprocmask(SIG_SETMASK, &none, nullptr);
@@ -113,8 +123,21 @@ void Descriptor::reset() {
   fd_ = -1;
 }
 
+sigset_t stopSignals() {
+  sigset_t stops;
+  sigemptyset(&stops);
+  if (!ignoresHangup()) sigaddset(&stops, SIGHUP);
+  sigaddset(&stops, SIGINT);
+  sigaddset(&stops, SIGTERM);
+  return stops;
+}
+
+int ExitStatus::stopSignal() const {
+  const int number = exited ? value - kStopped : value;
+  return number == SIGHUP || number == SIGINT || number == SIGTERM ? number : 0;
+}
+
 std::string ExitStatus::describe() const {
-  constexpr int kStopped = 128;  // exit code offset of programs that end in order after a signal
   if (exited && value > kStopped && value < kStopped + NSIG)
     return fmt::format("stopped by signal {} ({})", value - kStopped, strsignal(value - kStopped));
   return exited ? fmt::format("exit code {}", value)
@@ -135,6 +158,7 @@ Child spawn(const ProcessSpec& spec) {
                 null.get(),
                 log.get(),
                 ends[1],
+                ignoresHangup(),
                 getpid()};
   launch.argv = pointers(launch.arguments);
   launch.envp = pointers(launch.variables);

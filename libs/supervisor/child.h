@@ -36,7 +36,13 @@ struct ExitStatus {
   bool exited = false;  ///< false: killed by a signal
   int value = 0;        ///< exit code or signal number
   std::string describe() const;
+  /// SIGHUP, SIGINT or SIGTERM, if it ended the process: in order (128 + number) or before it handled
+  /// signals. 0: none of them.
+  int stopSignal() const;
 };
+
+/// SIGHUP (unless this process ignores it, as under nohup), SIGINT and SIGTERM.
+sigset_t stopSignals();
 
 /// Throws std::runtime_error ("NAME: …: reason") when the log cannot be opened or the program cannot be
 /// executed.

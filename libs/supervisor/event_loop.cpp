@@ -42,10 +42,7 @@ itimerspec at(double deadline_s) {
 }  // namespace
 
 EventLoop::EventLoop() {
-  sigset_t stops;
-  sigemptyset(&stops);
-  sigaddset(&stops, SIGINT);
-  sigaddset(&stops, SIGTERM);
+  const sigset_t stops = stopSignals();
   epoll_ = Descriptor(checked(epoll_create1(EPOLL_CLOEXEC), "epoll_create1"));
   signals_ = Descriptor(checked(signalfd(-1, &stops, SFD_CLOEXEC | SFD_NONBLOCK), "signalfd"));
   timer_ = Descriptor(checked(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK), "timerfd_create"));

@@ -10,7 +10,7 @@ namespace omnifleet::supervisor {
 
 /// Result of EventLoop::wait().
 struct Events {
-  int stop_signal = 0;               ///< SIGINT or SIGTERM; 0: none
+  int stop_signal = 0;               ///< SIGHUP, SIGINT or SIGTERM; 0: none
   std::vector<std::uint64_t> ended;  ///< keys of watched processes that have ended
 };
 

@@ -15,8 +15,7 @@ class Backoff {
   /// doubled for every consecutive early failure (uptime below young_s), at most restart_cap_s. A longer
   /// uptime resets it.
   double restartDelay(double uptime_s);
-  /// The number of consecutive early failures has reached restart_limit.
-  bool exhausted() const { return options_.restart_limit > 0 && early_failures_ >= options_.restart_limit; }
+  int earlyFailures() const { return early_failures_; }  ///< consecutive ones
 
  private:
   Options options_;

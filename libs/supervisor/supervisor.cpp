@@ -32,6 +32,8 @@ struct Member {
   int starts = 0;
   double started_s = 0.0;
   double restart_s = EventLoop::kNever;
+  double decide_s = EventLoop::kNever;  ///< a signal ended it: at this time it counts as a failure
+  ExitStatus status;                    ///< the last one
 };
 
 void check(const std::vector<ProcessSpec>& processes) {
@@ -62,15 +64,17 @@ class Run {
     startAll();
     while (!stopping_ || anyRunning()) {
       const Events events = loop_.wait(nextDeadline());
-      for (const std::uint64_t key : events.ended) onExit(members_[key]);
       if (events.stop_signal != 0) onStopSignal(events.stop_signal);
+      for (const std::uint64_t key : events.ended) onExit(members_[key]);
       const double now_s = EventLoop::clock();
       if (stopping_) {
         continueStop(now_s);
       } else {
+        decideDue(now_s);
         restartDue(now_s);
         if (now_s >= end_s_) stop(EndReason::kDuration, "the duration is over");
         if (!stopping_ && finished()) stop(EndReason::kSinksDone, "all sinks are done");
+        if (!stopping_ && now_s >= endDeadline()) stopOverdue();
       }
     }
     return report_;
@@ -115,31 +119,55 @@ class Run {
     member.running = false;
     orphans_.reap();
     if (callbacks_.on_exit) callbacks_.on_exit(member.spec.name, status.describe());
-    const bool succeeded = status.exited && status.value == 0;
-    const bool stopped_as_requested =
-        member.terminated && !member.killed && status.value == (status.exited ? 128 + SIGTERM : SIGTERM);
+    member.status = status;
     if (member.killed) return;  // the failure was reported when it was killed
-    if (succeeded) {
+    if (status.exited && status.value == 0) {
       member.done = !member.terminated;
+      last_done_s_ = EventLoop::clock();
     } else if (stopping_) {
-      if (!stopped_as_requested) fail(member, status.describe());
+      if (status.stopSignal() == 0) fail(member, status.describe());
+    } else if (status.stopSignal() != 0) {
+      onStopped(member);
     } else {
-      scheduleRestart(member, status);
+      scheduleRestart(member);
     }
   }
 
-  void scheduleRestart(Member& member, const ExitStatus& status) {
+  /// A signal ended one process. If it was sent to several, the run stops; the signal to this process may
+  /// still be on its way.
+  void onStopped(Member& member) {
+    const double now_s = EventLoop::clock();
+    const bool several = now_s - last_stopped_s_ < options_.one_press_s;
+    last_stopped_s_ = now_s;
+    if (several) {
+      report_.signal = member.status.stopSignal();
+      stop(EndReason::kSignal, strsignal(report_.signal));
+    } else if (member.spec.restart == RestartPolicy::kNever) {
+      member.decide_s = now_s + options_.one_press_s;
+    } else {
+      scheduleRestart(member);
+    }
+  }
+
+  void decideDue(double now_s) {
+    for (Member& member : members_) {
+      if (stopping_ || member.decide_s > now_s) continue;
+      member.decide_s = EventLoop::kNever;
+      fail(member, member.status.describe());
+    }
+  }
+
+  void scheduleRestart(Member& member) {
+    const ExitStatus& status = member.status;
     const double delay = member.backoff.restartDelay(EventLoop::clock() - member.started_s);
     const bool refuses = member.starts == 1 && status.exited && status.value == member.spec.refusal_code;
     if (refuses || member.spec.restart == RestartPolicy::kNever) return fail(member, status.describe());
-    if (member.backoff.exhausted())
-      return fail(member, fmt::format("{} consecutive failures soon after start, the last: {}",
-                                      options_.restart_limit, status.describe()));
     member.restart_s = EventLoop::clock() + delay;
     ++report_.restarts;
     appendToLog(member.spec,
                 fmt::format("-- {}: {}; restart in {:.2f} s", member.spec.name, status.describe(), delay));
-    if (callbacks_.on_restart) callbacks_.on_restart(member.spec.name, delay);
+    if (callbacks_.on_restart)
+      callbacks_.on_restart({member.spec.name, status.describe(), delay, member.backoff.earlyFailures()});
   }
 
   void restartDue(double now_s) {
@@ -156,10 +184,33 @@ class Run {
                        [&](const Member& m) { return m.done || (sinks && !m.spec.sink); });
   }
 
+  /// s on EventLoop::clock(): when the run must have ended after its sources have.
+  double endDeadline() const {
+    if (options_.end_within_s <= 0.0) return EventLoop::kNever;
+    const bool sources_ended = std::all_of(members_.begin(), members_.end(), [&](const Member& m) {
+      return m.done || m.spec.level != *levels_.begin();
+    });
+    return sources_ended ? last_done_s_ + options_.end_within_s : EventLoop::kNever;
+  }
+
+  void stopOverdue() {
+    const std::string how =
+        fmt::format("still running {:g} s after the last other process had ended", options_.end_within_s);
+    for (const int level : levels_) {
+      for (const Member& member : members_) {
+        if (member.done || member.spec.level != level) continue;
+        report_.failures.push_back(
+            {member.spec.name, how, lastLines(member.spec.log_path, options_.log_lines)});
+      }
+    }
+    stop(EndReason::kFailure, "the sources have ended, but not the run");
+  }
+
   void onStopSignal(int number) {
     if (stopping_) {
-      // One key press may arrive twice: at the process and at its process group.
-      if (EventLoop::clock() - stop_s_ < options_.one_press_s) return;
+      // One key press may arrive twice: at the process and at its process group. Service managers and
+      // terminals send other signals after the first one; only a second key press means "at once".
+      if (number != SIGINT || EventLoop::clock() - stop_s_ < options_.one_press_s) return;
       killAllRunning("killed at once on a second signal");
       return;
     }
@@ -171,6 +222,13 @@ class Run {
     stopping_ = true;
     report_.reason = reason;
     stop_s_ = EventLoop::clock();
+    for (const Member& member : members_) {
+      if (member.restart_s < EventLoop::kNever && member.backoff.earlyFailures() > 1)
+        report_.degraded.push_back({member.spec.name,
+                                    fmt::format("failed {} times, the last time with {}",
+                                                member.backoff.earlyFailures(), member.status.describe()),
+                                    lastLines(member.spec.log_path, options_.log_lines)});
+    }
     if (callbacks_.on_stop) callbacks_.on_stop(why);
     continueStop(stop_s_);
   }
@@ -219,8 +277,9 @@ class Run {
     }
     const double last = stop_s_ + options_.stop_budget_s + options_.sink_grace_s;
     if (stopping_ && last > now_s) next = std::min(next, last);
-    for (const Member& member : members_) next = stopping_ ? next : std::min(next, member.restart_s);
-    return next;
+    if (stopping_) return next;
+    for (const Member& member : members_) next = std::min({next, member.restart_s, member.decide_s});
+    return std::min(next, endDeadline());
   }
 
   bool anyRunning() const {
@@ -247,6 +306,8 @@ class Run {
   RunReport report_;
   bool stopping_ = false;
   double stop_s_ = 0.0, end_s_ = EventLoop::kNever;
+  double last_done_s_ = 0.0;                    ///< the latest end of a process with exit code 0
+  double last_stopped_s_ = -EventLoop::kNever;  ///< a stop signal ended a process
 };
 
 }  // namespace
@@ -259,22 +320,24 @@ Options Options::read(const options::Section& section) {
   section.read("restart_delay_s", o.restart_delay_s, {0.01, 60.0});
   section.read("restart_cap_s", o.restart_cap_s, {0.01, 600.0});
   section.read("young_s", o.young_s, {0.0, 600.0});
-  section.read("restart_limit", o.restart_limit, {0, 1e6});
   section.read("duration_s", o.duration_s, {0.0, 1e7});
+  section.read("end_within_s", o.end_within_s, {0.0, 1e7});
   section.read("log_lines", o.log_lines, {0, 1000});
   section.finish();
   return o;
 }
 
 StopSignals::StopSignals() {
-  sigset_t stops;
-  sigemptyset(&stops);
-  sigaddset(&stops, SIGINT);
-  sigaddset(&stops, SIGTERM);
+  const sigset_t stops = stopSignals();
   pthread_sigmask(SIG_BLOCK, &stops, &before_);
 }
 
 StopSignals::~StopSignals() {
+  // A request that arrived twice is done as well; unblocked, it would end the program.
+  const sigset_t stops = stopSignals();
+  const timespec no_time{};
+  while (sigtimedwait(&stops, nullptr, &no_time) > 0) {
+  }
   pthread_sigmask(SIG_SETMASK, &before_, nullptr);
 }
 

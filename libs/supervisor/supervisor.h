@@ -38,22 +38,32 @@ struct ProcessSpec {
 struct Options {
   double stop_budget_s = 1.8;    ///< s, from the first SIGTERM to the last SIGKILL, over all levels
   double sink_grace_s = 8.0;     ///< s beyond stop_budget_s that a sink has to save before it is killed
-  double one_press_s = 0.5;      ///< s; a second signal within this time belongs to the same key press
+  double one_press_s = 0.5;      ///< s; signals to several processes within this time are one stop request
   double restart_delay_s = 0.1;  ///< s, before the first restart
   double restart_cap_s = 5.0;    ///< s, longest delay before a restart
   double young_s = 1.0;  ///< s; a failure with a shorter uptime doubles the delay, a longer uptime resets it
-  int restart_limit = 20;   ///< consecutive early failures that end the run; 0: no limit
   double duration_s = 0.0;  ///< s; the run is stopped (successfully) after this time; 0: no limit
-  int log_lines = 10;       ///< last log lines of a failed process in the report
+  /// s without the end of a process, once all processes of the lowest level (the sources) have ended by
+  /// themselves: the run is stopped and the processes that still run are reported. 0: no limit.
+  double end_within_s = 0.0;
+  int log_lines = 10;  ///< last log lines of a failed process in the report
 
   static Options read(const options::Section& section);
+};
+
+/// A process that failed and waits for its restart.
+struct Restart {
+  std::string name;
+  std::string how;         ///< how it ended: "exit code 1"
+  double delay_s = 0.0;    ///< until the restart
+  int early_failures = 0;  ///< consecutive failures soon after start; > 1: it keeps failing
 };
 
 /// Notifications during a run; any may be empty.
 struct Callbacks {
   std::function<void(const std::string& name, pid_t pid)> on_start;
   std::function<void(const std::string& name, const std::string& how)> on_exit;
-  std::function<void(const std::string& name, double delay_s)> on_restart;
+  std::function<void(const Restart& restart)> on_restart;
   std::function<void(const std::string& why)> on_stop;
 };
 
@@ -67,16 +77,18 @@ enum class EndReason { kSinksDone, kDuration, kSignal, kFailure };
 
 struct RunReport {
   EndReason reason = EndReason::kSinksDone;
-  int signal = 0;  ///< SIGINT or SIGTERM with kSignal
+  int signal = 0;  ///< SIGHUP, SIGINT or SIGTERM with kSignal
   std::vector<Failure>
-      failures;      ///< processes that ended the run, or that did not stop in time or not with exit code 0
-  int restarts = 0;  ///< number of restarts after failures
+      failures;  ///< processes that ended the run, or that did not stop in time or not with exit code 0
+  std::vector<Failure> degraded;  ///< processes that waited for a restart when the run ended; no failures
+  int restarts = 0;               ///< number of restarts after failures
   int exit_code() const { return failures.empty() ? 0 : 1; }
 };
 
-/// Blocks SIGINT and SIGTERM in this thread and in threads that it starts later; Supervisor::run receives
-/// them. A multi-threaded program must construct this first: a thread that does not block the signal would
-/// end the program. The destructor restores the former mask.
+/// Blocks SIGHUP, SIGINT and SIGTERM in this thread and in threads that it starts later; Supervisor::run
+/// receives them. A SIGHUP that the caller ignores (nohup) stays ignored. A multi-threaded program must
+/// construct this first: a thread that does not block the signal would end the program. The destructor
+/// restores the former mask.
 class StopSignals {
  public:
   StopSignals();
@@ -88,16 +100,20 @@ class StopSignals {
   sigset_t before_;
 };
 
-/// Only one run at a time per process. During the run it handles SIGINT and SIGTERM; a second signal, later
-/// than Options::one_press_s, kills all processes at once. It is the reaper of its descendants' orphans.
-/// Children have their own process groups and are killed when the thread of run() ends. When run() returns,
-/// no child, no member of a child's process group and no adopted orphan is left.
+/// Only one run at a time per process. SIGHUP, SIGINT or SIGTERM stops the run in order, whether it arrives
+/// here, at the processes, or at all of them (a service manager); a process that such a signal ended has not
+/// failed. A second SIGINT, later than Options::one_press_s, kills all processes at once. A single process
+/// that a signal ended is restarted if its policy says so.
+/// A process that keeps failing is started again, at most restart_cap_s after each failure, as long as the
+/// run lasts. The supervisor is the reaper of its descendants' orphans. Children have their own process
+/// groups and are killed when the thread of run() ends. When run() returns, no child, no member of a child's
+/// process group and no adopted orphan is left.
 class Supervisor {
  public:
   explicit Supervisor(const Options& options) : options_(options) {}
 
-  /// Runs until all sinks are done, the duration is over, SIGINT or SIGTERM arrives, or a process fails
-  /// permanently. Throws options::Error for an invalid list (empty argv, duplicate name) and
+  /// Runs until all sinks are done, the duration is over, a stop signal arrives, or a process fails
+  /// that is not restarted. Throws options::Error for an invalid list (empty argv, duplicate name) and
   /// std::runtime_error when the kernel refuses (no pidfd, log not writable). No process is left running then
   /// either.
   RunReport run(const std::vector<ProcessSpec>& processes, const Callbacks& callbacks = {});

@@ -1,23 +1,31 @@
 // Starts and supervises the processes of a fleet: `run FLEET.yaml` or `replay DATASET`.
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
-#include <cstdio>
-#include <cstdlib>
+#include <csignal>
 #include <filesystem>
+#include <map>
 #include <optional>
 
 #include "bus/domain_claim.h"
 #include "bus/service.h"
 #include "bus/shared_memory.h"
 #include "common/check_options.h"
+#include "launch/console.h"
 #include "launch/plan.h"
 #include "launch/progress.h"
 #include "options/range_check.h"
 
 namespace {
 
+using omnifleet::launch::print;
 using omnifleet::launch::RunRequest;
 using omnifleet::options::within;
+
+// s, live: the stages behind the sources need some seconds for the last frames, outlines and files; twice the
+// limit for a silent stage in the other modes.
+constexpr double kEndWithin_s = 60.0;
 
 void addCommon(CLI::App& app, RunRequest& request) {
   app.add_option("--config", request.overlays, "YAML on top of the fleet file; repeatable")
@@ -45,21 +53,47 @@ bool isCutShort(const omnifleet::supervisor::RunReport& run, const std::string& 
   return run.reason == omnifleet::supervisor::EndReason::kSignal && mode != "live";
 }
 
+void printEnd(const omnifleet::supervisor::Failure& failure) {
+  print(fmt::format("{}: {}\n", failure.name, failure.how));
+  for (const std::string& line : failure.last_lines) print(fmt::format("  | {}\n", line));
+}
+
 /// @return the exit code
 int report(const omnifleet::supervisor::RunReport& run, const std::string& mode, const std::string& out) {
-  for (const auto& failure : run.failures) {
-    std::fprintf(stderr, "%s: %s\n", failure.name.c_str(), failure.how.c_str());
-    for (const std::string& line : failure.last_lines) std::fprintf(stderr, "  | %s\n", line.c_str());
-  }
-  if (run.restarts > 0) std::fprintf(stderr, "%d restarts\n", run.restarts);
+  for (const auto& failure : run.failures) printEnd(failure);
+  for (const auto& process : run.degraded) printEnd(process);
+  if (run.restarts > 0)
+    print(fmt::format("{} {}\n", run.restarts, run.restarts == 1 ? "restart" : "restarts"));
   const bool is_cut = run.exit_code() == 0 && isCutShort(run, mode);
   const char* how = is_cut ? "stopped before its end" : run.exit_code() == 0 ? "done" : "failed";
-  std::fprintf(stderr, "%s: %s\n", how, out.c_str());
+  print(fmt::format("{}: {}\n", how, out));
   return is_cut ? static_cast<int>(omnifleet::bus::ExitCode::kStopped) + run.signal : run.exit_code();
 }
 
+/// Prints restarts; of a process that keeps failing only those whose delay has changed.
+class Restarts {
+ public:
+  explicit Restarts(omnifleet::launch::Progress& progress) : progress_(progress) {}
+
+  void note(const omnifleet::supervisor::Restart& restart) {
+    const bool keeps_failing = restart.early_failures > 1;
+    const std::string times = keeps_failing ? fmt::format(", {} times", restart.early_failures) : "";
+    const std::string what = fmt::format("{} failed ({}{}), restart in {:.1f} s", restart.name, restart.how,
+                                         times, restart.delay_s);
+    if (keeps_failing) progress_.noteFailing(what);
+    double& delay_s = delays_s_[restart.name];
+    if (!keeps_failing || restart.delay_s != delay_s) print(what + "\n");
+    delay_s = restart.delay_s;
+  }
+
+ private:
+  omnifleet::launch::Progress& progress_;
+  std::map<std::string, double> delays_s_;
+};
+
 int launch(const RunRequest& request) {
   using namespace omnifleet;
+  std::signal(SIGPIPE, SIG_IGN);  // output that nobody reads is dropped
   const supervisor::StopSignals
       signals;  // before any thread: a thread that receives Ctrl-C would end the program
   const fleet::Fleet fleet = fleet::Fleet::load(request.fleet_file, request.dataset, request.overlays);
@@ -71,19 +105,19 @@ int launch(const RunRequest& request) {
   options.duration_s = request.duration_s;
   options.stop_budget_s = request.stop_within_s;
   const auto processes = launch::plan(request, fleet, programFolder());
-  std::fprintf(stderr, "starting %zu processes (%s); logs in %s/log\n", processes.size(),
-               launch::modeOf(request, fleet).c_str(), request.out.c_str());
-  supervisor::Callbacks callbacks;
-  callbacks.on_restart = [](const std::string& name, double delay_s) {
-    std::fprintf(stderr, "%s failed, restart in %.1f s\n", name.c_str(), delay_s);
-  };
+  const std::string mode = launch::modeOf(request, fleet);
+  if (mode == "live") options.end_within_s = kEndWithin_s;
+  print(fmt::format("starting {} processes ({}); logs in {}/log\n", processes.size(), mode, request.out));
   std::optional<launch::Progress> progress;
   progress.emplace(launch::Listening{request.domain, request.host, launch::services(request, fleet),
                                      launch::expectedFrames(fleet)});
+  Restarts restarts(*progress);
+  supervisor::Callbacks callbacks;
+  callbacks.on_restart = [&](const supervisor::Restart& restart) { restarts.note(restart); };
   const auto run = supervisor::Supervisor(options).run(processes, callbacks);
   progress.reset();
   bus::removeStaleSharedMemory();
-  return report(run, launch::modeOf(request, fleet), request.out);
+  return report(run, mode, request.out);
 }
 
 }  // namespace
@@ -110,10 +144,10 @@ int main(int argc, char** argv) {
   try {
     return launch(request);
   } catch (const omnifleet::options::Error& error) {
-    std::fprintf(stderr, "%s\n", error.what());
+    print(fmt::format("{}\n", error.what()));
     return static_cast<int>(ExitCode::kBadOptions);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "launch: %s\n", error.what());
+    print(fmt::format("launch: {}\n", error.what()));
     return static_cast<int>(ExitCode::kFailure);
   }
 }

@@ -3,13 +3,15 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstdio>
+#include <csignal>
 #include <map>
 #include <memory>
 #include <optional>
@@ -17,6 +19,7 @@
 
 #include "bus/dds_bus.h"
 #include "bus/topics.h"
+#include "launch/console.h"
 #include "launch/watch.h"
 
 namespace omnifleet::launch {
@@ -43,10 +46,28 @@ std::string progressLine(std::uint64_t done, const ExpectedFrames& expected, dou
 
 namespace {
 
-bool closed(int pipe_end) {
-  pollfd state{pipe_end, POLLIN, 0};
-  return poll(&state, 1, 0) > 0;
-}
+/// Lines from the launcher.
+class Notes {
+ public:
+  explicit Notes(int pipe_end) : pipe_end_(pipe_end) { fcntl(pipe_end, F_SETFL, O_NONBLOCK); }
+
+  /// Calls `note(line)` for each complete line. Returns false when the other end is closed.
+  template <class Note>
+  bool read(Note note) {
+    char bytes[512];
+    for (ssize_t size = 0; (size = ::read(pipe_end_, bytes, sizeof bytes)) != 0;) {
+      if (size < 0) return errno == EAGAIN || errno == EINTR;
+      text_.append(bytes, static_cast<std::size_t>(size));
+      for (std::size_t end = 0; (end = text_.find('\n')) != std::string::npos; text_.erase(0, end + 1))
+        note(text_.substr(0, end));
+    }
+    return false;
+  }
+
+ private:
+  int pipe_end_;
+  std::string text_;
+};
 
 /// The process that listens to service/status.
 class Listener {
@@ -59,12 +80,13 @@ class Listener {
         reader_(bus_->reader(topics_.service_status)),
         watch_(*bus_, topics_, listening.services, listening.host, steady_clock::now()) {}
 
-  /// Runs until the other end of the pipe `stop` is closed.
-  void run(int stop) {
-    while (!closed(stop)) {
+  /// Runs until the other end of the pipe is closed.
+  void run(int pipe_end) {
+    Notes notes(pipe_end);
+    while (notes.read([&](const std::string& what) { watch_.failing(what, steady_clock::now()); })) {
       bus_->wait(std::chrono::milliseconds(100));
       while (reader_->take(sample_)) onStatus();
-      for (const std::string& change : watch_.check(steady_clock::now())) print(change);
+      for (const std::string& change : watch_.check(steady_clock::now())) printLine(change);
       showWhenDue();
     }
     if (shown_ > 0) show("\n", true);
@@ -87,15 +109,13 @@ class Listener {
     const std::string error = sample_.last_error().to_string();
     if (!error.empty() && last_error_[name] != error) {
       last_error_[name] = error;
-      print(name + ": [" + sample_.error_code().to_string() + "] " + error);
+      printLine(name + ": [" + sample_.error_code().to_string() + "] " + error);
     }
     if (service == "global_merger") done_[instance] = sample_.processed();
     watch_.heard(name, sample_.state() == v1::SERVICE_FINISHED, steady_clock::now());
   }
 
-  void print(const std::string& line) const {
-    std::fprintf(stderr, "%s%s\n", terminal_ ? "\r\033[K" : "", line.c_str());
-  }
+  void printLine(const std::string& line) const { print((terminal_ ? "\r\033[K" : "") + line + "\n"); }
 
   void showWhenDue() {
     std::uint64_t least = done_.empty() ? 0 : UINT64_MAX;
@@ -111,8 +131,7 @@ class Listener {
   void show(const char* end, bool ended) const {
     const double seconds =
         first_frame_ ? std::chrono::duration<double>(steady_clock::now() - *first_frame_).count() : 0.0;
-    std::fprintf(stderr, "%s%s%s", terminal_ ? "\r\033[K" : "",
-                 progressLine(shown_, expected_, seconds, ended).c_str(), end);
+    print((terminal_ ? "\r\033[K" : "") + progressLine(shown_, expected_, seconds, ended) + end);
   }
 
   ExpectedFrames expected_;
@@ -143,26 +162,43 @@ Progress::Progress(const Listening& listening) {
   }
   if (listener_ == 0) {
     close(ends[1]);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);  // the launcher may be killed while this process hangs
     try {
       Listener(listening).run(ends[0]);
     } catch (const std::exception& error) {
-      std::fprintf(stderr, "progress display not available: %s\n", error.what());
+      print(std::string("progress display not available: ") + error.what() + "\n");
     }
-    std::fflush(nullptr);
     _exit(0);
   }
   close(ends[0]);
-  stop_ = ends[1];
+  pipe_ = ends[1];
+  fcntl(pipe_, F_SETFL, O_NONBLOCK);
+}
+
+void Progress::noteFailing(const std::string& what) {
+  const std::string line = what + "\n";
+  // A full pipe: the listener hangs, and nobody would read the note.
+  if (write(pipe_, line.data(), line.size()) < 0) return;
 }
 
 Progress::~Progress() {
-  close(stop_);
+  close(pipe_);
+  // Discovery and a timer of Fast DDS 2.9 may wait for each other for ever (docs/methods/dds.md).
+  const int pid_fd = static_cast<int>(syscall(SYS_pidfd_open, listener_, 0));
+  pollfd ended{pid_fd, POLLIN, 0};
+  const bool hangs =
+      pid_fd >= 0 && poll(&ended, 1, static_cast<int>(std::chrono::milliseconds(kEnd).count())) == 0;
+  if (pid_fd >= 0) close(pid_fd);
+  if (hangs) kill(listener_, SIGKILL);
   int status = 0;
   while (waitpid(listener_, &status, 0) < 0 && errno == EINTR) {
   }
-  if (WIFSIGNALED(status))
-    std::fprintf(stderr, "the progress display ended by signal %d; the run is not affected\n",
-                 WTERMSIG(status));
+  if (hangs) {
+    print("the progress display did not end and was killed; the run is not affected\n");
+  } else if (WIFSIGNALED(status)) {
+    print(
+        fmt::format("the progress display ended by signal {}; the run is not affected\n", WTERMSIG(status)));
+  }
 }
 
 }  // namespace omnifleet::launch

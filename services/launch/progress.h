@@ -2,6 +2,7 @@
 
 #include <sys/types.h>
 
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -22,20 +23,25 @@ struct Listening {
   ExpectedFrames expected;
 };
 
-/// Listens to service/status and prints to stderr: a progress line (rewritten in place on a terminal, every
-/// few seconds elsewhere), each error once, and services that become silent. Runs in its own process, so that
-/// the launcher is no DDS participant and a DDS failure cannot affect the fleet.
+/// Listens to service/status and prints to stderr (console.h): a progress line (rewritten in place on a
+/// terminal, every few seconds elsewhere), each error once, and services that become silent. Runs in its own
+/// process, so that the launcher is no DDS participant and a DDS failure cannot affect the fleet.
 class Progress {
  public:
   /// Forks: construct while the program is single-threaded. Throws std::system_error.
   explicit Progress(const Listening& listening);
-  ~Progress();  ///< returns after the last line is printed
+  ~Progress();  ///< returns after the last line is printed, or after kEnd: a hanging listener is killed
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
+  /// A process keeps failing: published as the state of the launcher. Never waits.
+  void noteFailing(const std::string& what);
+
+  static constexpr std::chrono::seconds kEnd{3};
+
  private:
   pid_t listener_ = -1;
-  int stop_ = -1;  // the listener ends when this end of its pipe is closed
+  int pipe_ = -1;  // notes as lines; the listener ends when this end is closed
 };
 
 /// "120/250 frames per robot, 14.2 frames/s, 9 s left". For an arena: "120 frames per robot (at most 250), …,

@@ -9,6 +9,7 @@ namespace {
 
 // Longer than the limits of the status table: a status that a busy machine delays is not reported.
 constexpr bus::Silence::Limits kLimits{std::chrono::seconds(5), std::chrono::seconds(15)};
+constexpr std::chrono::seconds kKept{15};  // beyond the longest delay of a restart
 
 }  // namespace
 
@@ -45,6 +46,10 @@ void Watch::heard(const std::string& name, bool finished, Clock::time_point now)
   if (services_.count(name) > 0) silence_.heard(name, finished, now);
 }
 
+void Watch::failing(const std::string& what, Clock::time_point now) {
+  failing_[what.substr(0, what.find(' '))] = {what, now};
+}
+
 std::vector<std::string> Watch::check(Clock::time_point now) {
   const std::vector<bus::Silence::Silent> silent = silence_.silent(now);
   std::vector<std::string> changes;
@@ -57,7 +62,13 @@ std::vector<std::string> Watch::check(Clock::time_point now) {
     if (names.count(before) == 0) changes.push_back(before + ": publishes its status again");
   }
   silent_ = std::move(names);
-  if (silent.empty()) {
+  for (auto it = failing_.begin(); it != failing_.end();)
+    it = now - it->second.at > kKept ? failing_.erase(it) : std::next(it);
+  if (!failing_.empty()) {
+    std::string text;
+    for (const auto& [process, one] : failing_) text += (text.empty() ? "" : "; ") + one.what;
+    board_.report({ErrorCode::kServiceFailed, text}, true);
+  } else if (silent.empty()) {
     board_.clearError();
   } else {
     board_.report({ErrorCode::kServiceSilent, silentText(silent)}, true);

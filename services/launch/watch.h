@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -26,15 +27,24 @@ class Watch {
 
   /// A status of service `name` arrived; other services than the started ones are ignored.
   void heard(const std::string& name, bool finished, Clock::time_point now);
+  /// The launcher has restarted a process that keeps failing. Counts as its state until no further note has
+  /// arrived for 15 s.
+  void failing(const std::string& what, Clock::time_point now);
   /// Changes since the last call: "classifier r1: silent for 5 s", "classifier r1: publishes its status
   /// again".
   std::vector<std::string> check(Clock::time_point now);
 
  private:
+  struct Failing {
+    std::string what;
+    Clock::time_point at;
+  };
+
   bus::Bus& bus_;
   std::set<std::string> services_;
   bus::Silence silence_;
-  std::set<std::string> silent_;  ///< at the last check
+  std::set<std::string> silent_;            ///< at the last check
+  std::map<std::string, Failing> failing_;  ///< by process
   bus::StatusBoard board_;
   bus::StatusPublisher publisher_;
 };

@@ -11,7 +11,6 @@ namespace {
 
 TEST(Backoff, DoublesDelayOnlyForEarlyFailures) {
   Options options;
-  options.restart_limit = 0;
   Backoff backoff(options);
   EXPECT_DOUBLE_EQ(backoff.restartDelay(60.0), 0.1);
   EXPECT_DOUBLE_EQ(backoff.restartDelay(60.0), 0.1);
@@ -24,25 +23,19 @@ TEST(Backoff, DoublesDelayOnlyForEarlyFailures) {
 
 TEST(Backoff, LimitsDelayToCap) {
   Options options;
-  options.restart_limit = 0;
   Backoff backoff(options);
   double longest = 0.0;
   for (int i = 0; i < 200; ++i) longest = std::max(longest, backoff.restartDelay(0.0));
   EXPECT_DOUBLE_EQ(longest, options.restart_cap_s);
-  EXPECT_FALSE(backoff.exhausted());
 }
 
-TEST(Backoff, IsExhaustedAfterRestartLimit) {
-  Options options;
-  options.restart_limit = 3;
-  Backoff backoff(options);
+TEST(Backoff, CountsConsecutiveEarlyFailures) {
+  Backoff backoff{Options()};
   backoff.restartDelay(0.1);
   backoff.restartDelay(0.1);
-  EXPECT_FALSE(backoff.exhausted());
-  backoff.restartDelay(0.1);
-  EXPECT_TRUE(backoff.exhausted());
+  EXPECT_EQ(backoff.earlyFailures(), 2);
   backoff.restartDelay(10.0);
-  EXPECT_FALSE(backoff.exhausted());
+  EXPECT_EQ(backoff.earlyFailures(), 0);
 }
 
 TEST(LevelDeadline, KeepsHalfOfBudgetForLastLevel) {

@@ -109,7 +109,7 @@ TEST_F(SupervisorTest, PassesOnlyTheEnvironment) {
 }
 
 TEST_F(SupervisorTest, StopsUpstreamFirst) {
-  for (const int number : {SIGINT, SIGTERM}) {
+  for (const int number : {SIGHUP, SIGINT, SIGTERM}) {
     fs::remove(folder_ + "/order");
     // The signal is sent only after each process has set its trap and printed "up" to its log.
     std::vector<ProcessSpec> processes{service("merger", 2), service("camera", 0), service("mapper", 1)};
@@ -167,7 +167,7 @@ TEST_F(SupervisorTest, RestartsProcessKilledByItself) {
   spec.sink = true;
   std::vector<double> delays;
   Callbacks callbacks;
-  callbacks.on_restart = [&](const std::string&, double delay_s) { delays.push_back(delay_s); };
+  callbacks.on_restart = [&](const Restart& restart) { delays.push_back(restart.delay_s); };
   RunReport report;
   const double took = secondsOf([&] { report = Supervisor({}).run({spec}, callbacks); });
   EXPECT_EQ(report.reason, EndReason::kSinksDone);
@@ -194,17 +194,28 @@ TEST_F(SupervisorTest, RestartsProcessKilledByOthers) {
   EXPECT_EQ(report.exit_code(), 0);
 }
 
-TEST_F(SupervisorTest, EndsRunAfterTooManyEarlyFailures) {
+/// What keeps failing must not end the others.
+TEST_F(SupervisorTest, KeepsRestartingProcessThatKeepsFailing) {
   Options options;
-  options.restart_delay_s = 0.01;
-  options.restart_limit = 3;
-  const auto report = Supervisor(options).run({shell("bad", "echo no luck; exit 3"), service("good", 1)});
-  EXPECT_EQ(report.reason, EndReason::kFailure);
-  EXPECT_EQ(report.restarts, 2);
-  ASSERT_EQ(report.failures.size(), 1U);
-  EXPECT_EQ(report.failures[0].name, "bad");
-  EXPECT_EQ(report.failures[0].how, "3 consecutive failures soon after start, the last: exit code 3");
-  EXPECT_EQ(report.failures[0].last_lines.back(), "no luck");
+  options.restart_delay_s = 0.001;
+  options.restart_cap_s = 0.002;
+  Callbacks callbacks;
+  std::vector<Restart> restarts;
+  callbacks.on_restart = [&](const Restart& restart) {
+    restarts.push_back(restart);
+    if (restarts.size() == 100) kill(getpid(), SIGTERM);
+  };
+  const auto report =
+      Supervisor(options).run({shell("bad", "echo no luck; exit 3"), service("good", 1)}, callbacks);
+  EXPECT_EQ(report.reason, EndReason::kSignal);
+  EXPECT_EQ(report.exit_code(), 0);
+  EXPECT_EQ(restarts.back().name, "bad");
+  EXPECT_EQ(restarts.back().how, "exit code 3");
+  EXPECT_EQ(restarts.back().early_failures, 100);
+  ASSERT_EQ(report.degraded.size(), 1u) << "it did not run at the end";
+  EXPECT_EQ(report.degraded[0].name, "bad");
+  EXPECT_EQ(report.degraded[0].how, "failed 100 times, the last time with exit code 3");
+  EXPECT_EQ(report.degraded[0].last_lines.front(), "no luck");
 }
 
 TEST_F(SupervisorTest, FailureWithoutRestartPolicyEndsRun) {
@@ -309,8 +320,8 @@ TEST_F(SupervisorTest, IgnoresEarlierChildren) {
   EXPECT_EQ(waitpid(child, nullptr, 0), child);
 }
 
-TEST_F(SupervisorTest, SecondSignalKillsAtOnce) {
-  const auto stubborn = shell("stubborn", "trap 'kill -TERM $PPID' TERM; echo up; " + std::string(kForever));
+TEST_F(SupervisorTest, SecondKeyPressKillsAtOnce) {
+  const auto stubborn = shell("stubborn", "trap 'kill -INT $PPID' TERM; echo up; " + std::string(kForever));
   const auto ready =
       shell("signal", "until grep -q up $D/log/stubborn.log; do :; done; kill -INT $PPID; exit 0");
   Options options;
@@ -321,6 +332,105 @@ TEST_F(SupervisorTest, SecondSignalKillsAtOnce) {
   ASSERT_FALSE(report.failures.empty());  // the process that signals may be among them
   EXPECT_EQ(report.failures[0].name, "stubborn");
   EXPECT_EQ(report.failures[0].how, "killed at once on a second signal");
+}
+
+/// Service managers and terminals send several signals; the sinks must still have their time to save.
+TEST_F(SupervisorTest, LaterTermAndHangupDoNotKill) {
+  Options options;
+  options.one_press_s = 0.0;
+  options.stop_budget_s = 20.0;
+  const std::string more = "kill -TERM $PPID; kill -HUP $PPID; echo saved > $D/map; ";
+  const auto ready =
+      shell("signal", "until grep -q up $D/log/merger.log; do :; done; kill -HUP $PPID; exit 0");
+  const auto report = Supervisor(options).run({service("merger", 1, more), ready});
+  EXPECT_EQ(report.exit_code(), 0);
+  EXPECT_EQ(report.signal, SIGHUP);
+  EXPECT_EQ(read(folder_ + "/map"), "saved\n");
+}
+
+/// As services end: 128 + signal number.
+std::string endingAfterSignal(const std::string& name, int number) {
+  const std::string at = std::to_string(number);
+  return "trap 'echo " + name + " >> $D/order; exit " + std::to_string(128 + number) + "' " + at +
+         "; echo up; while :; do sleep 1000 & wait; done";
+}
+
+/// systemd's stop: every process gets the signal, the supervisor perhaps as the last one.
+TEST_F(SupervisorTest, SignalToAllProcessesIsAStop) {
+  for (const bool includes_supervisor : {true, false}) {
+    for (const auto policy : {RestartPolicy::kOnFailure, RestartPolicy::kNever}) {
+      fs::remove_all(folder_ + "/log");
+      std::vector<ProcessSpec> processes{shell("a", endingAfterSignal("a", SIGTERM)),
+                                         shell("b", endingAfterSignal("b", SIGTERM), 1)};
+      for (ProcessSpec& spec : processes) spec.restart = policy;
+      std::vector<pid_t> pids;
+      Callbacks callbacks;
+      callbacks.on_start = [&](const std::string& name, pid_t pid) {
+        if (name != "signal") pids.push_back(pid);
+        std::ofstream(folder_ + "/pids") << (pids.size() == 2 ? "" : "x");
+        if (pids.size() == 2) std::ofstream(folder_ + "/pids") << pids[0] << " " << pids[1];
+      };
+      processes.push_back(shell("signal",
+                                "until grep -q up $D/log/a.log && grep -q up $D/log/b.log; do :; done; "
+                                "kill -TERM $(cat $D/pids)" +
+                                    std::string(includes_supervisor ? " $PPID" : "") + "; exit 0",
+                                -1));
+      const auto report = Supervisor({}).run(processes, callbacks);
+      EXPECT_EQ(report.reason, EndReason::kSignal);
+      EXPECT_EQ(report.signal, SIGTERM);
+      EXPECT_EQ(report.exit_code(), 0);
+    }
+  }
+}
+
+TEST_F(SupervisorTest, OneProcessThatASignalEndedIsRestartedOrFails) {
+  auto victim = shell("victim", "[ -e $D/second ] && exit 0; touch $D/second; kill -TERM $$; sleep 1000");
+  victim.sink = true;
+  const auto restarted = Supervisor({}).run({victim, service("other", 1)});
+  EXPECT_EQ(restarted.restarts, 1);
+  EXPECT_EQ(restarted.reason, EndReason::kSinksDone);
+  fs::remove(folder_ + "/second");
+  victim.restart = RestartPolicy::kNever;
+  const auto failed = Supervisor({}).run({victim, service("other", 1)});
+  EXPECT_EQ(failed.reason, EndReason::kFailure);
+  ASSERT_EQ(failed.failures.size(), 1u);
+  EXPECT_EQ(failed.failures[0].how, "killed by signal 15 (Terminated)");
+}
+
+/// nohup: the user wants the run to outlive the terminal.
+TEST_F(SupervisorTest, IgnoredHangupStaysIgnored) {
+  const auto before = std::signal(SIGHUP, SIG_IGN);
+  auto sink = shell("sink", "kill -HUP $$; kill -HUP $PPID; echo alive > $D/alive; exit 0");
+  sink.sink = true;
+  const auto report = Supervisor({}).run({sink});
+  std::signal(SIGHUP, before);
+  EXPECT_EQ(report.reason, EndReason::kSinksDone);
+  EXPECT_EQ(read(folder_ + "/alive"), "alive\n");
+}
+
+/// The sources have ended, but a later stage never does.
+TEST_F(SupervisorTest, EndsAndNamesWhatRunsLongAfterTheSources) {
+  Options options;
+  options.end_within_s = 0.3;
+  auto sink = shell("merger", endingAfterSignal("merger", SIGTERM), 2);
+  sink.sink = true;
+  const auto report = Supervisor(options).run({shell("world", "exit 0"), service("localizer", 1), sink});
+  EXPECT_EQ(report.reason, EndReason::kFailure);
+  ASSERT_EQ(report.failures.size(), 2u);
+  EXPECT_EQ(report.failures[0].name, "localizer") << "the stage upstream first: the other waits for it";
+  EXPECT_EQ(report.failures[0].how, "still running 0.3 s after the last other process had ended");
+  EXPECT_EQ(report.failures[1].name, "merger");
+  EXPECT_EQ(read(folder_ + "/order"), "localizer\nmerger\n") << "all end in order and save";
+}
+
+TEST_F(SupervisorTest, WaitsWithoutLimitWhileASourceRuns) {
+  Options options;
+  options.end_within_s = 0.05;
+  options.duration_s = 0.4;
+  const auto report =
+      Supervisor(options).run({shell("video", "exit 0"), service("camera", 0), service("merger", 1)});
+  EXPECT_EQ(report.reason, EndReason::kDuration);
+  EXPECT_EQ(report.exit_code(), 0);
 }
 
 TEST_F(SupervisorTest, RestoresSignalMask) {

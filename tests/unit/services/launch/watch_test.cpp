@@ -63,6 +63,18 @@ TEST_F(WatchTest, ReportsStartedServiceThatNeverPublishes) {
   EXPECT_THAT(after(seconds(16)), ElementsAre("classifier r1: not heard in 15 s"));
 }
 
+TEST_F(WatchTest, PublishesWhichProcessKeepsFailing) {
+  watch_->failing("camera_r1_fisheye failed (exit code 1, 7 times), restart in 5.0 s", now_);
+  publish("world", true);
+  publish("classifier r1", true);
+  after(seconds(1));
+  EXPECT_EQ(status().state(), v1::SERVICE_DEGRADED);
+  EXPECT_EQ(status().error_code(), "service_failed");
+  EXPECT_EQ(status().last_error(), "camera_r1_fisheye failed (exit code 1, 7 times), restart in 5.0 s");
+  after(seconds(16));
+  EXPECT_EQ(status().state(), v1::SERVICE_RUNNING) << "it has not failed again";
+}
+
 TEST_F(WatchTest, IgnoresServicesThatItDidNotStart) {
   publish("world", true);
   publish("classifier r1", true);
