@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace omnifleet::bus {
+
+/// One IPv4 address of this machine (of this network namespace).
+struct NetworkAddress {
+  std::string interface;  ///< "lo", "eth0"
+  std::string address;    ///< "127.0.0.1"
+  bool up = false;        ///< the interface is up
+};
+
+/// All IPv4 addresses of this machine. An interface that is down may keep its addresses; a loopback interface
+/// that was never up has none. Throws std::system_error when the kernel does not list them. Source:
+/// getifaddrs(3).
+std::vector<NetworkAddress> networkAddresses();
+
+/// Throws options::Error when one of `addresses` is not among `present`, or when its interface is down. DDS
+/// would start without a word and reach nobody.
+void checkAddresses(const std::vector<std::string>& addresses, const std::vector<NetworkAddress>& present);
+
+/// checkAddresses() with the addresses of this machine.
+void requireAddresses(const std::vector<std::string>& addresses);
+
+}  // namespace omnifleet::bus
