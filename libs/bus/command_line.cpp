@@ -32,11 +32,9 @@ void addCommonOptions(CLI::App& app, ServiceOptions& options, int& silence_limit
   app.add_option("--silence-limit", silence_limit_s,
                  "end after this many seconds without input (replay, lockstep)")
       ->check(CLI::Range(1, 86400));
-  app.add_option("--interface", options.interfaces,
-                 "network address to use; repeatable; default: loopback only")
-      ->allow_extra_args(false);
-  app.add_option("--max-message-bytes", options.max_message_bytes,
-                 "largest datagram in bytes; 1400 or less between hosts")
+  addNetworkOptions(app, options.network);
+  app.add_option("--max-message-bytes", options.network.max_message_bytes,
+                 "largest datagram in bytes; default: 1400 between hosts, else 65000")
       ->check(CLI::Range(500, 65000));
 }
 

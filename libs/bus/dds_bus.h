@@ -17,8 +17,12 @@ struct DdsBusOptions {
   std::string name = "omnifleet";  ///< participant name, as DDS tools show it
   int domain = 0;                  ///< DDS domain id, 0..232
   RunMode mode = RunMode::kLive;   ///< decides the history of frames
-  std::vector<std::string> interfaces = {
-      "127.0.0.1"};                         ///< addresses to use; all other interfaces are excluded
+  /// Addresses to use. All other interfaces are excluded, except loopback: processes of one host reach each
+  /// other by it whatever happens to the network.
+  std::vector<std::string> interfaces = {"127.0.0.1"};
+  /// Addresses of other hosts that are asked one by one, beside multicast.
+  std::vector<std::string> peers;
+  int participants_per_peer = 24;  ///< asked at each peer: at most this many processes there are found
   std::uint32_t max_message_bytes = 65000;  ///< per datagram; ≤ 1400 between hosts (packet loss)
   std::uint32_t socket_buffer_bytes = 4u << 20;
   std::chrono::milliseconds lease{3000};  ///< a participant that is silent for longer is removed

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "bus/interfaces.h"
 #include "bus/shared_memory.h"
 
 namespace omnifleet::bus {
@@ -42,9 +43,20 @@ void disableIntraprocessDelivery() {
   eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
 }
 
+/// The addresses that other participants are told. Beside network addresses loopback is not told: other hosts
+/// would send to themselves, and Fast DDS itself replaces an own network address by loopback.
+std::vector<std::string> announced(const DdsBusOptions& options) {
+  std::vector<std::string> addresses;
+  for (const std::string& address : options.interfaces)
+    if (!isLoopback(address)) addresses.push_back(address);
+  return addresses.empty() ? options.interfaces : addresses;
+}
+
 void setTransport(dds::DomainParticipantQos& qos, const DdsBusOptions& options) {
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
   udp->interfaceWhiteList = options.interfaces;
+  if (std::none_of(options.interfaces.begin(), options.interfaces.end(), isLoopback))
+    udp->interfaceWhiteList.push_back("127.0.0.1");
   udp->sendBufferSize = options.socket_buffer_bytes;
   udp->receiveBufferSize = options.socket_buffer_bytes;
   udp->maxMessageSize = options.max_message_bytes;
@@ -60,11 +72,20 @@ void setDiscovery(dds::DomainParticipantQos& qos, const DdsBusOptions& options) 
   auto& builtin = qos.wire_protocol().builtin;
   builtin.discovery_config.leaseDuration = toDuration(options.lease);
   builtin.discovery_config.leaseDuration_announcementperiod = toDuration(options.announcement);
-  for (const std::string& address : options.interfaces) {
+  for (const std::string& address : announced(options)) {
     builtin.metatrafficUnicastLocatorList.push_back(udpLocator(address, 0));
+    qos.wire_protocol().default_unicast_locator_list.push_back(udpLocator(address, 0));
   }
+  // Ports by the rules of RTPS (DDSI-RTPS 2.2, 9.6.1.1).
   const auto port = static_cast<std::uint32_t>(7400 + 250 * options.domain);
-  builtin.metatrafficMulticastLocatorList.push_back(udpLocator("239.255.0.1", port));
+  const Locator_t multicast = udpLocator("239.255.0.1", port);
+  builtin.metatrafficMulticastLocatorList.push_back(multicast);
+  if (options.peers.empty()) return;
+  builtin.initialPeersList.push_back(multicast);
+  for (const std::string& peer : options.peers) {
+    for (int i = 0; i < options.participants_per_peer; ++i)
+      builtin.initialPeersList.push_back(udpLocator(peer, port + 10 + 2 * static_cast<std::uint32_t>(i)));
+  }
 }
 
 dds::DomainParticipantQos participantQos(const DdsBusOptions& options) {

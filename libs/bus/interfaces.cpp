@@ -16,18 +16,6 @@
 namespace omnifleet::bus {
 namespace {
 
-bool isLoopback(const std::string& address) {
-  return address.rfind("127.", 0) == 0;
-}
-
-std::string listed(const std::vector<NetworkAddress>& present) {
-  if (present.empty()) return "this machine has no address";
-  std::vector<std::string> names;
-  for (const NetworkAddress& known : present)
-    names.push_back(fmt::format("{} ({}{})", known.address, known.interface, known.up ? "" : ", down"));
-  return fmt::format("this machine has {}", fmt::join(names, ", "));
-}
-
 void checkAddress(const std::string& address, const std::vector<NetworkAddress>& present) {
   const auto of_address = [&](const NetworkAddress& known) { return known.address == address; };
   const auto found = std::find_if(present.begin(), present.end(), of_address);
@@ -50,6 +38,18 @@ void checkAddress(const std::string& address, const std::vector<NetworkAddress>&
 }
 
 }  // namespace
+
+std::string listed(const std::vector<NetworkAddress>& present) {
+  if (present.empty()) return "this machine has no address";
+  std::vector<std::string> names;
+  for (const NetworkAddress& known : present)
+    names.push_back(fmt::format("{} ({}{})", known.address, known.interface, known.up ? "" : ", down"));
+  return fmt::format("this machine has {}", fmt::join(names, ", "));
+}
+
+bool isLoopback(const std::string& address) {
+  return address.rfind("127.", 0) == 0;
+}
 
 std::vector<NetworkAddress> networkAddresses() {
   ifaddrs* first = nullptr;

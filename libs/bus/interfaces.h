@@ -12,10 +12,15 @@ struct NetworkAddress {
   bool up = false;        ///< the interface is up
 };
 
+bool isLoopback(const std::string& address);  ///< 127.0.0.0/8
+
 /// All IPv4 addresses of this machine. An interface that is down may keep its addresses; a loopback interface
 /// that was never up has none. Throws std::system_error when the kernel does not list them. Source:
 /// getifaddrs(3).
 std::vector<NetworkAddress> networkAddresses();
+
+/// "this machine has 127.0.0.1 (lo), 10.0.0.1 (eth0, down)", for messages.
+std::string listed(const std::vector<NetworkAddress>& present);
 
 /// Throws options::Error when one of `addresses` is not among `present`, or when its interface is down. DDS
 /// would start without a word and reach nobody.

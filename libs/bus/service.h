@@ -10,6 +10,7 @@
 
 #include "bus/bus.h"
 #include "bus/idle_window.h"
+#include "bus/network.h"
 #include "bus/status_board.h"
 #include "bus/time_merger.h"
 #include "bus/topics.h"
@@ -40,8 +41,7 @@ struct ServiceOptions {
   bool debug_images = false;  ///< --debug-images: local_mapper writes an image of every frame to OUT/debug
   std::string log_level = "info";          ///< --log-level
   std::chrono::seconds silence_limit{30};  ///< --silence-limit S: deterministic modes only
-  std::vector<std::string> interfaces;     ///< --interface ADDRESS, repeatable; none: loopback only
-  int max_message_bytes = 65000;           ///< --max-message-bytes N: one datagram; ≤ 1400 between hosts
+  NetworkRequest network;                  ///< --interface, --peer, --max-message-bytes
 };
 
 /// Passed to a service at construction.

@@ -113,8 +113,7 @@ DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
   bus.write_timeout = options.silence_limit;
   // In deterministic modes a busy machine must not look like a failed stage.
   if (isDeterministic(options.mode)) bus.lease = options.silence_limit;
-  if (!options.interfaces.empty()) bus.interfaces = options.interfaces;
-  bus.max_message_bytes = static_cast<std::uint32_t>(options.max_message_bytes);
+  resolve(options.network).apply(bus);
   if (!options.robot.empty()) bus.claim = RobotClaim::ofThisProcess(name, options.robot);
   bus.report = [log](const std::string& line) { log->warn("{}", line); };
   return bus;

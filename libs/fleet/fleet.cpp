@@ -93,11 +93,39 @@ CameraSpec readCamera(const std::string& id, const options::Section& section) {
   return camera;
 }
 
+/// Of a robot or camera that the arena or the dataset describes, the fleet file may only name the machine.
+void readHost(const options::Section& section, std::string& host) {
+  section.read("host", host);
+  section.finish();
+}
+
+/// Frames do not leave their machine, so a robot's camera is on the robot's.
+void placeCameras(Fleet& fleet) {
+  for (CameraSpec& camera : fleet.cameras) {
+    for (const RobotSpec& robot : fleet.robots)
+      if (camera.host.empty() && robot.name == camera.robot) camera.host = robot.host;
+  }
+}
+
 void readOwn(Fleet& fleet) {
   const options::Section robots = fleet.file.child("robots");
-  for (const std::string& name : robots.keys()) fleet.robots.push_back(readRobot(name, robots.child(name)));
+  for (const std::string& name : robots.keys()) {
+    const auto known = std::find_if(fleet.robots.begin(), fleet.robots.end(),
+                                    [&](const RobotSpec& robot) { return robot.name == name; });
+    if (known != fleet.robots.end()) {
+      readHost(robots.child(name), known->host);
+    } else {
+      fleet.robots.push_back(readRobot(name, robots.child(name)));
+    }
+  }
   const options::Section cameras = fleet.file.child("cameras");
   for (const std::string& id : cameras.keys()) {
+    const auto known = std::find_if(fleet.cameras.begin(), fleet.cameras.end(),
+                                    [&](const CameraSpec& camera) { return camera.id == id; });
+    if (known != fleet.cameras.end()) {
+      readHost(cameras.child(id), known->host);
+      continue;
+    }
     fleet.cameras.push_back(readCamera(id, cameras.child(id)));
     const std::string& owner = fleet.cameras.back().robot;
     const auto isOwner = [&](const RobotSpec& robot) { return robot.name == owner; };
@@ -110,6 +138,21 @@ void readOwn(Fleet& fleet) {
   fleet.file.read("landmarks", landmarks);
   if (!landmarks.empty()) fleet.landmarks = dataset::readLandmarks(besideFile(fleet.file, landmarks));
   if (!markers.empty()) fleet.markers = dataset::MarkerSet::load(besideFile(fleet.file, markers));
+}
+
+NetworkSpec readNetwork(const options::Section& section) {
+  NetworkSpec network;
+  std::string interface;
+  section.read("interface", interface);
+  section.read("addresses", network.interfaces);
+  if (!interface.empty() && !network.interfaces.empty())
+    section.fail("interface", "conflicts with addresses; remove one of the two");
+  if (!interface.empty()) network.interfaces = {interface};
+  section.read("peers", network.peers);
+  if (network.interfaces.empty() && !network.peers.empty())
+    section.fail("peers", "needs interface or addresses as well, by which the peers are reached");
+  section.finish();
+  return network;
 }
 
 const std::vector<std::string>& serviceNames() {
@@ -172,6 +215,8 @@ Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_fold
     addArena(fleet);
   }
   readOwn(fleet);
+  placeCameras(fleet);
+  fleet.network = readNetwork(fleet.file.child("network"));
   fleet.file.finish();
   if (fleet.robots.empty())
     throw options::Error(fleet.file.file() + ": robots: a fleet needs at least one robot");

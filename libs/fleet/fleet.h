@@ -41,6 +41,12 @@ struct RobotSpec {
   std::string host;
 };
 
+/// How the machines of a fleet reach each other.
+struct NetworkSpec {
+  std::vector<std::string> interfaces;  ///< names, addresses or subnets; empty: loopback only
+  std::vector<std::string> peers;       ///< other hosts, for networks without multicast
+};
+
 /// Description of a fleet from a fleet file, a dataset or an arena, with option overlays on top.
 /// config/fleets/README.md documents the keys of the file.
 struct Fleet {
@@ -53,7 +59,8 @@ struct Fleet {
   std::optional<synthetic::Arena> arena;     ///< only for simulation
   int seed = 1;                              ///< seed of the noise of the arena
   bool end_at_rest =
-      true;               ///< arena: the run ends when every robot has been commanded to stop for one second
+      true;  ///< arena: the run ends when every robot has been commanded to stop for one second
+  NetworkSpec network;
   options::Section file;  ///< fleet file with overlays; contains the options of the services
 
   /// Loads a fleet file (which may name `dataset:` or `world:`) or, if `fleet_file` is empty, a dataset
@@ -94,6 +101,8 @@ struct Fleet {
   /// marked robot, whose replica saves the paths.
   std::vector<std::string> replicas() const;
   std::vector<std::string> ceilingCameras() const;
+  /// The machines that the fleet file names, sorted.
+  std::vector<std::string> hosts() const;
   bool hasFormation() const;  ///< the fleet drives its robots
   bool hasWorld() const;      ///< simulated, or a dataset with wheels, observations or laser
 };
@@ -106,7 +115,8 @@ struct ProcessSpec {
   int stage = 0;  ///< stopping order: 0 (sources) stops first
 };
 
-/// All processes of the fleet, upstream first. With `host`, only those of that host.
+/// All processes of the fleet, upstream first. With `host`, only those of that host; a service of the whole
+/// fleet that names no host belongs to the first one.
 std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host = {});
 
 /// Number of readers of a stream within the fleet. In a deterministic run writers wait for this number before

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <set>
 
 #include "fleet/fleet.h"
 
@@ -38,10 +39,22 @@ std::vector<ProcessSpec> processes(const Fleet& fleet, const std::string& host) 
   for (const std::string& robot : fleet.replicas())
     add("global_merger", robot, fleet.robot(robot).host, kMergers);
   if (!host.empty()) {
+    // Services of the whole fleet without a host of their own run on the first machine.
+    const std::vector<std::string> hosts = fleet.hosts();
+    for (ProcessSpec& process : all) {
+      if (process.host.empty() && process.instance.empty() && !hosts.empty()) process.host = hosts.front();
+    }
     all.erase(std::remove_if(all.begin(), all.end(), [&](const ProcessSpec& p) { return p.host != host; }),
               all.end());
   }
   return all;
+}
+
+std::vector<std::string> Fleet::hosts() const {
+  std::set<std::string> names;
+  for (const ProcessSpec& process : processes(*this)) names.insert(process.host);
+  names.erase("");
+  return {names.begin(), names.end()};
 }
 
 int expectedReaders(const Fleet& fleet, const std::string& topic, const std::string& instance) {

@@ -9,6 +9,7 @@
 #include "bus/dds_bus.h"
 #include "bus/service.h"
 #include "command/command_sender.h"
+#include "common/fleet_network.h"
 #include "options/range_check.h"
 
 namespace {
@@ -20,6 +21,7 @@ struct CommandLine {
   std::string fleet;
   std::vector<std::string> overlays;
   int domain = 0;
+  omnifleet::bus::NetworkRequest network;
   double wait_s = 5.0;
   CommandRequest request;
 };
@@ -73,6 +75,7 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
   app.add_option("--domain", line.domain, "DDS domain")
       ->check(CLI::Range(0, 232))
       ->envname("OMNIFLEET_DOMAIN");
+  omnifleet::bus::addNetworkOptions(app, line.network);
   app.parse(argc, argv);
   if (with_shape->count() + with_distance->count() + with_angle->count() + with_way->count() +
           with_halt->count() + with_behaviour->count() + with_boundary->count() ==
@@ -97,6 +100,7 @@ int send(const CommandLine& line) {
   bus::DdsBusOptions options;
   options.name = "omnifleet_command";
   options.domain = line.domain;
+  services::networkOf(fleet, line.network).apply(options);
   const auto bus = bus::makeDdsBus(options);
   services::CommandSender sender(*bus, bus::Topics(bus::RunMode::kLive), fleet);
   const auto now = std::chrono::system_clock::now().time_since_epoch();

@@ -40,6 +40,7 @@ void addCommon(CLI::App& app, RunRequest& request) {
   app.add_option("--domain", request.domain, "DDS domain")
       ->check(CLI::Range(0, 232))
       ->envname("OMNIFLEET_DOMAIN");
+  omnifleet::bus::addNetworkOptions(app, request.network);
   app.add_flag("--debug-images", request.debug_images, "write an image of every local map to OUT/debug");
   app.add_flag("--record", request.record, "record the run as a dataset in OUT/recording");
 }
@@ -97,6 +98,7 @@ int launch(const RunRequest& request) {
   const supervisor::StopSignals
       signals;  // before any thread: a thread that receives Ctrl-C would end the program
   const fleet::Fleet fleet = fleet::Fleet::load(request.fleet_file, request.dataset, request.overlays);
+  const bus::HostNetwork network = launch::networkFor(request, fleet);
   const bus::DomainClaim claim(request.domain, request.host);
   bus::removeStaleSharedMemory();
   launch::checkBeforeStart(request, fleet);
@@ -104,12 +106,13 @@ int launch(const RunRequest& request) {
   supervisor::Options options;
   options.duration_s = request.duration_s;
   options.stop_budget_s = request.stop_within_s;
-  const auto processes = launch::plan(request, fleet, programFolder());
+  const auto processes = launch::plan(request, fleet, network, programFolder());
   const std::string mode = launch::modeOf(request, fleet);
   if (mode == "live") options.end_within_s = kEndWithin_s;
   print(fmt::format("starting {} processes ({}); logs in {}/log\n", processes.size(), mode, request.out));
   std::optional<launch::Progress> progress;
-  progress.emplace(launch::Listening{request.domain, request.host, launch::services(request, fleet),
+  progress.emplace(launch::Listening{request.domain, network, request.host,
+                                     launch::otherHosts(request, fleet), launch::services(request, fleet),
                                      launch::expectedFrames(fleet)});
   Restarts restarts(*progress);
   supervisor::Callbacks callbacks;

@@ -9,6 +9,7 @@
 #include "bus/shared_memory.h"
 #include "camera/source.h"
 #include "common/check_options.h"
+#include "common/fleet_network.h"
 #include "dataset/dataset.h"
 
 namespace omnifleet::launch {
@@ -35,7 +36,7 @@ std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet) {
 }
 
 std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
-                                          const std::string& program_folder) {
+                                          const bus::HostNetwork& network, const std::string& program_folder) {
   const std::string mode = modeOf(request, fleet);
   std::vector<supervisor::ProcessSpec> specs;
   for (const fleet::ProcessSpec& process : fleet::processes(fleet, request.host)) {
@@ -57,6 +58,10 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
     add("--dataset", fleet.dataset);
     for (const std::string& overlay : request.overlays) add("--config", overlay);
     add(process.instance.find('/') == std::string::npos ? "--robot" : "--camera", process.instance);
+    if (network.leavesHost()) {
+      const std::vector<std::string> words = network.arguments();
+      spec.argv.insert(spec.argv.end(), words.begin(), words.end());
+    }
     spec.incarnation_option = "--incarnation";
     if (request.debug_images) spec.argv.push_back("--debug-images");
     if (request.record) spec.argv.push_back("--record");
@@ -80,6 +85,13 @@ std::vector<std::string> services(const RunRequest& request, const fleet::Fleet&
   return names;
 }
 
+std::vector<std::string> otherHosts(const RunRequest& request, const fleet::Fleet& fleet) {
+  if (request.host.empty()) return {};
+  std::vector<std::string> hosts = fleet.hosts();
+  hosts.erase(std::remove(hosts.begin(), hosts.end(), request.host), hosts.end());
+  return hosts;
+}
+
 ExpectedFrames expectedFrames(const fleet::Fleet& fleet) {
   if (fleet.arena) return {static_cast<std::uint64_t>(fleet.arena->frames()), true};
   if (fleet.dataset.empty()) return {};
@@ -91,15 +103,30 @@ ExpectedFrames expectedFrames(const fleet::Fleet& fleet) {
   return {frames, false};
 }
 
+bus::HostNetwork networkFor(const RunRequest& request, const fleet::Fleet& fleet) {
+  const bus::HostNetwork network = services::networkOf(fleet, request.network);
+  const std::vector<std::string> hosts = fleet.hosts();
+  if (request.host.empty() || hosts.size() < 2 || network.leavesHost() || !request.network.interfaces.empty())
+    return network;
+  throw options::Error(fmt::format(
+      "{}: this fleet runs on {}, but only the loopback interface is used, so its machines cannot reach each "
+      "other; add `network: {{interface: NAME}}` to the file, or give --interface NAME; {}",
+      request.fleet_file, fmt::join(hosts, ", "), bus::listed(bus::networkAddresses())));
+}
+
 namespace {
 
-/// Rejects a host on which no part of the fleet runs.
+/// Rejects a host on which no part of the fleet runs, and a fleet some part of which no host would start.
 void checkHost(const std::string& host, const fleet::Fleet& fleet) {
   if (host.empty()) return;
-  std::set<std::string> hosts;
-  for (const fleet::ProcessSpec& process : fleet::processes(fleet, {})) hosts.insert(process.host);
-  if (hosts.count(host)) return;
-  hosts.erase("");
+  const std::vector<std::string> hosts = fleet.hosts();
+  for (const fleet::ProcessSpec& process : fleet::processes(fleet, {})) {
+    if (process.host.empty() && !process.instance.empty())
+      throw options::Error(
+          fmt::format("--host {}: no machine would start {} {}; give its robot or camera a `host`", host,
+                      process.service, process.instance));
+  }
+  if (std::find(hosts.begin(), hosts.end(), host) != hosts.end()) return;
   throw options::Error(fmt::format("--host {}: no part of this fleet runs there; {}", host,
                                    hosts.empty() ? "the fleet file names no hosts"
                                                  : fmt::format("its hosts are {}", fmt::join(hosts, ", "))));

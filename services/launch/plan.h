@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "bus/network.h"
 #include "fleet/fleet.h"
 #include "launch/progress.h"
 #include "supervisor/supervisor.h"
@@ -22,6 +23,7 @@ struct RunRequest {
   bool debug_images = false;
   bool realtime = false;  ///< arena, image folders and videos in real time
   int domain = 0;
+  bus::NetworkRequest network;  ///< --interface, --peer
 };
 
 /// "replay" for input on disk (a recording; image folders and videos without --realtime), "lockstep" or
@@ -30,10 +32,17 @@ std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet);
 
 /// One entry per process of the fleet on this host. `program_folder` contains the service programs.
 std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
-                                          const std::string& program_folder);
+                                          const bus::HostNetwork& network, const std::string& program_folder);
+
+/// The network of this run. Throws options::Error when it does not exist, and when a part of a fleet of
+/// several machines would use only the loopback interface, unless the user gave that one.
+bus::HostNetwork networkFor(const RunRequest& request, const fleet::Fleet& fleet);
 
 /// Names of these services on service/status: "camera r1/fisheye", "world".
 std::vector<std::string> services(const RunRequest& request, const fleet::Fleet& fleet);
+
+/// With --host: the other machines of the fleet, whose launchers must be heard.
+std::vector<std::string> otherHosts(const RunRequest& request, const fleet::Fleet& fleet);
 
 /// Number of frames of the robot with the most frames.
 ExpectedFrames expectedFrames(const fleet::Fleet& fleet);

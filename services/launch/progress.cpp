@@ -74,11 +74,12 @@ class Listener {
  public:
   explicit Listener(const Listening& listening)
       : expected_(listening.expected),
+        host_(listening.host),
         terminal_(isatty(STDERR_FILENO) == 1),
         interval_(terminal_ ? 200 : 5000),
-        bus_(bus::makeDdsBus(options(listening.domain))),
+        bus_(bus::makeDdsBus(options(listening))),
         reader_(bus_->reader(topics_.service_status)),
-        watch_(*bus_, topics_, listening.services, listening.host, steady_clock::now()) {}
+        watch_(*bus_, topics_, expected(listening), listening.host, steady_clock::now()) {}
 
   /// Runs until the other end of the pipe is closed.
   void run(int pipe_end) {
@@ -93,18 +94,26 @@ class Listener {
   }
 
  private:
-  static bus::DdsBusOptions options(int domain) {
+  static bus::DdsBusOptions options(const Listening& listening) {
     bus::DdsBusOptions options;
     options.name = "omnifleet_launch";
-    options.domain = domain;
+    options.domain = listening.domain;
+    listening.network.apply(options);
     // On a busy machine the fleet must not consider this participant gone.
     options.lease = std::chrono::seconds(30);
     return options;
   }
 
+  /// The services of this host and the launchers of the other ones.
+  static std::vector<std::string> expected(const Listening& listening) {
+    std::vector<std::string> names = listening.services;
+    for (const std::string& host : listening.other_hosts) names.push_back("launch " + host);
+    return names;
+  }
+
   void onStatus() {
     const std::string service = sample_.service().to_string(), instance = sample_.instance().to_string();
-    if (service == "launch") return;  // this launcher publishes it itself
+    if (service == "launch" && instance == host_) return;  // this launcher publishes it itself
     const std::string name = instance.empty() ? service : service + " " + instance;
     const std::string error = sample_.last_error().to_string();
     if (!error.empty() && last_error_[name] != error) {
@@ -135,6 +144,7 @@ class Listener {
   }
 
   ExpectedFrames expected_;
+  std::string host_;
   bool terminal_;
   std::chrono::milliseconds interval_;
   bus::Topics topics_{bus::RunMode::kLive};

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "bus/network.h"
+
 namespace omnifleet::launch {
 
 /// Number of frames per robot of the whole run.
@@ -18,8 +20,10 @@ struct ExpectedFrames {
 /// What to listen to.
 struct Listening {
   int domain = 0;
-  std::string host;                   ///< part of the fleet; empty: all
-  std::vector<std::string> services;  ///< started on this host: "camera r1/fisheye", "world"
+  bus::HostNetwork network;
+  std::string host;                      ///< part of the fleet; empty: all
+  std::vector<std::string> other_hosts;  ///< machines with the other parts
+  std::vector<std::string> services;     ///< started on this host: "camera r1/fisheye", "world"
   ExpectedFrames expected;
 };
 

@@ -6,7 +6,9 @@
 #include <cstdio>
 
 #include "bus/dds_bus.h"
+#include "bus/network.h"
 #include "bus/topics.h"
+#include "options/options.h"
 #include "options/range_check.h"
 #include "status/table.h"
 
@@ -43,10 +45,11 @@ struct StatusReaders {
   std::unique_ptr<omnifleet::bus::Reader<omnifleet::v1::FormationState>> states;
 };
 
-int show(int domain, bool once, double wait_s) {
+int show(int domain, const omnifleet::bus::NetworkRequest& network, bool once, double wait_s) {
   omnifleet::bus::DdsBusOptions options;
   options.name = "omnifleet_status";
   options.domain = domain;
+  omnifleet::bus::resolve(network).apply(options);
   const auto bus = omnifleet::bus::makeDdsBus(options);
   StatusReaders readers(*bus);
   const bool terminal = isatty(STDOUT_FILENO) == 1;
@@ -64,7 +67,11 @@ int show(int domain, bool once, double wait_s) {
     std::fflush(stdout);
   }
   if (table.size() == 0) {
-    std::fprintf(stderr, "no fleet found on DDS domain %d; check --domain and that the fleet runs\n", domain);
+    std::fprintf(
+        stderr,
+        "no fleet found on DDS domain %d; check --domain, --interface (a fleet on several machines) and "
+        "that the fleet runs\n",
+        domain);
     return 1;
   }
   std::fputs(table.text().c_str(), stdout);
@@ -76,9 +83,11 @@ int show(int domain, bool once, double wait_s) {
 int main(int argc, char** argv) {
   CLI::App app{"Shows the status of every service of a running fleet"};
   int domain = 0;
+  omnifleet::bus::NetworkRequest network;
   bool once = false;
   double wait_s = 2.5;
   app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 232))->envname("OMNIFLEET_DOMAIN");
+  omnifleet::bus::addNetworkOptions(app, network);
   app.add_flag("--once", once,
                "print one table and exit; exit code 1: no fleet found, 3: a service is silent");
   app.add_option("--wait", wait_s, "with --once: seconds to listen")
@@ -89,7 +98,10 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   try {
-    return show(domain, once, wait_s);
+    return show(domain, network, once, wait_s);
+  } catch (const omnifleet::options::Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "status: %s\n", error.what());
     return 1;

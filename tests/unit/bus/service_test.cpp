@@ -367,31 +367,15 @@ Parsed parse(std::vector<const char*> arguments) {
 }
 
 TEST(CommandLine, ReadsEveryCommonOption) {
-  const Parsed parsed = parse({"--fleet",
-                               "f.yaml",
-                               "--robot",
-                               "r1",
-                               "--camera",
-                               "r1/fisheye",
-                               "--mode",
-                               "lockstep",
-                               "--dataset",
-                               "d",
-                               "--out",
-                               "o",
-                               "--config",
-                               "a.yaml",
-                               "--config",
-                               "b.yaml",
-                               "--domain",
-                               "7",
-                               "--log-level",
-                               "debug",
-                               "--silence-limit",
-                               "5",
-                               "--interface",
-                               "10.0.0.1",
-                               "--max-message-bytes",
+  const Parsed parsed = parse({"--fleet",     "f.yaml",      "--robot",
+                               "r1",          "--camera",    "r1/fisheye",
+                               "--mode",      "lockstep",    "--dataset",
+                               "d",           "--out",       "o",
+                               "--config",    "a.yaml",      "--config",
+                               "b.yaml",      "--domain",    "7",
+                               "--log-level", "debug",       "--silence-limit",
+                               "5",           "--interface", "10.0.0.1",
+                               "--peer",      "pc2",         "--max-message-bytes",
                                "1400"});
   ASSERT_FALSE(parsed.code) << parsed.errors;
   EXPECT_EQ(parsed.options.fleet, "f.yaml");
@@ -404,8 +388,9 @@ TEST(CommandLine, ReadsEveryCommonOption) {
   EXPECT_EQ(parsed.options.domain, 7);
   EXPECT_EQ(parsed.options.log_level, "debug");
   EXPECT_EQ(parsed.options.silence_limit, seconds(5));
-  EXPECT_THAT(parsed.options.interfaces, ElementsAre("10.0.0.1"));
-  EXPECT_EQ(parsed.options.max_message_bytes, 1400);
+  EXPECT_THAT(parsed.options.network.interfaces, ElementsAre("10.0.0.1"));
+  EXPECT_THAT(parsed.options.network.peers, ElementsAre("pc2"));
+  EXPECT_EQ(parsed.options.network.max_message_bytes, 1400);
 }
 
 TEST(CommandLine, ReadsDomainFromEnvironmentUnlessGiven) {

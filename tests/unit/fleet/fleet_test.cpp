@@ -119,6 +119,33 @@ TEST_F(FleetFile, DrivesArenaByFormationSectionOfFleetFile) {
     EXPECT_EQ(std::count(all.begin(), all.end(), std::string("formation ") + parked), 0);
 }
 
+TEST_F(FleetFile, ReadsNetwork) {
+  const std::string lab = std::string(kRobots) + kCameras;
+  EXPECT_TRUE(load(lab).network.interfaces.empty());
+  const Fleet fleet = load(lab + "network: {interface: wlan0, peers: [pc1, 192.168.1.11]}\n");
+  EXPECT_THAT(fleet.network.interfaces, testing::ElementsAre("wlan0"));
+  EXPECT_THAT(fleet.network.peers, testing::ElementsAre("pc1", "192.168.1.11"));
+  EXPECT_THAT(load(lab + "network: {addresses: [10.0.0.0/24]}\n").network.interfaces,
+              testing::ElementsAre("10.0.0.0/24"));
+  EXPECT_THAT(problemOf(lab + "network: {interface: eth0, addresses: [10.0.0.1]}\n"), HasSubstr("conflicts"));
+  EXPECT_THAT(problemOf(lab + "network: {peers: [pc1]}\n"), HasSubstr("interface or addresses"));
+  EXPECT_THAT(problemOf(lab + "network: {interfaces: eth0}\n"), HasSubstr("network.interfaces"));
+}
+
+/// The arena describes its robots; the fleet file says on which machines they run.
+TEST_F(FleetFile, PlacesRobotsOfArenaOnMachines) {
+  const Fleet fleet = load(std::string("world: {arena: ") + std::getenv("OMNIFLEET_SOURCE_DIR") +
+                           "/config/arenas/small.yaml}\nrobots: {r1: {host: pc1}, r2: {host: pc2}}\n"
+                           "cameras: {ceiling/c1: {host: pc1}}\n");
+  EXPECT_THAT(fleet.hosts(), testing::ElementsAre("pc1", "pc2"));
+  EXPECT_THAT(names(processes(fleet, "pc2")),
+              testing::UnorderedElementsAre("camera r2/fisheye", "local_mapper r2", "classifier r2",
+                                            "formation r2", "global_merger r2"))
+      << "a robot's camera is where the robot is";
+  EXPECT_THAT(names(processes(fleet, "pc1")), testing::IsSupersetOf({"world", "localizer"}))
+      << "services of the whole fleet run on the first machine";
+}
+
 TEST_F(FleetFile, OverridesKeyByKeyWithOverlay) {
   const std::string overlay = write("overlay.yaml", "robots: {r1: {body: {height_m: 0.5}}}\nname: other\n");
   const Fleet fleet = load(std::string("name: lab\n") + kRobots + kCameras, {overlay});
