@@ -12,6 +12,7 @@ void addCommonOptions(CLI::App& app, ServiceOptions& options, int& silence_limit
   app.add_option("--fleet", options.fleet, "fleet file (YAML)");
   app.add_option("--robot", options.robot, "the robot that this process serves");
   app.add_option("--camera", options.camera, "the camera that this process serves");
+  app.add_option("--host", options.host, "the machine of a fleet that runs on several ones");
   app.add_option("--mode", options.mode, "live, replay or lockstep")
       ->transform(CLI::CheckedTransformer(modes).description("{live,replay,lockstep}"));
   app.add_option("--dataset", options.dataset, "dataset folder to read");

@@ -91,7 +91,6 @@ class DdsReaderPort : public ReaderPort {
         listener_(participant_->signal()),
         writers_(*participant_, topic, type.idl_hash),
         type_(type),
-        leased_(qos.liveliness_lease.count() > 0),
         off_host_(qos.off_host) {
     dds::Topic* dds_topic = participant_->topic(topic, dds::TypeSupport(type.support()));
     reader_ = participant_->subscriber(readerPartitions(robot))
@@ -118,7 +117,6 @@ class DdsReaderPort : public ReaderPort {
     return false;
   }
   int matched() const override { return listener_.matched; }
-  int alive() const override { return leased_ ? listener_.alive : listener_.matched; }
   bool waitForWriters(int count, std::chrono::nanoseconds timeout) override {
     return participant_->signal().waitUntil([&] { return listener_.matched >= count; }, timeout);
   }
@@ -129,7 +127,7 @@ class DdsReaderPort : public ReaderPort {
   ReaderMatches listener_;
   KnownWriters writers_;
   const TypeDescriptor& type_;
-  bool leased_, off_host_;
+  bool off_host_;
   std::uint64_t received_ = 0;
   dds::DataReader* reader_ = nullptr;
 };

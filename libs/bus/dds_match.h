@@ -32,13 +32,8 @@ struct ReaderMatches : dds::DataReaderListener {
     matched = status.current_count;
     signal.event.signal();
   }
-  void on_liveliness_changed(dds::DataReader*, const dds::LivelinessChangedStatus& status) override {
-    alive = status.alive_count;
-    signal.event.signal();
-  }
   BusSignal& signal;
   std::atomic<int> matched{0};
-  std::atomic<int> alive{0};
 };
 
 struct KnownWriter {

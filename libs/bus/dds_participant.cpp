@@ -123,11 +123,6 @@ void setCommon(EndpointQos& out, const QosProfile& qos) {
   } else {
     out.data_sharing().off();
   }
-  if (qos.liveliness_lease.count() > 0) {
-    out.liveliness().kind = dds::AUTOMATIC_LIVELINESS_QOS;
-    out.liveliness().lease_duration = toDuration(qos.liveliness_lease);
-    out.liveliness().announcement_period = toDuration(qos.liveliness_lease / 3);
-  }
 }
 
 template <class GroupQos>

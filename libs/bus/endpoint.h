@@ -38,7 +38,6 @@ class ReaderPort {
   virtual ~ReaderPort() = default;
   virtual bool take(void* sample, SampleInfo& info) = 0;
   virtual int matched() const = 0;
-  virtual int alive() const = 0;
   virtual bool waitForWriters(int count, std::chrono::nanoseconds timeout) = 0;
   virtual ReaderCounters counters() const = 0;
 };
@@ -85,8 +84,6 @@ class Reader {
 
   /// Number of matched writers, including those of another IDL (their samples are dropped).
   int matched() const { return port_->matched(); }
-  /// Number of writers alive by DDS liveliness; equals matched() on topics without a lease.
-  int alive() const { return port_->alive(); }
   bool waitForWriters(int count, std::chrono::nanoseconds timeout) {
     return port_->waitForWriters(count, timeout);
   }

@@ -65,7 +65,6 @@ class FakeReaderPort : public ReaderPort, public FakeEndpoint {
     return true;
   }
   int matched() const override { return network_->matched(*this); }
-  int alive() const override { return matched(); }
   bool waitForWriters(int count, std::chrono::nanoseconds timeout) override {
     return signal->waitUntil([&] { return matched() >= count; }, timeout);
   }

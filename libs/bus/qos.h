@@ -24,8 +24,6 @@ struct QosProfile {
   int max_instances = 64;             ///< keys (robots, sources, services) at one time
   int max_samples_per_instance = 64;  ///< bound of the history per key, at both ends
   bool data_sharing = false;          ///< frames only: such types carry no key
-  std::chrono::milliseconds liveliness_lease{
-      0};  ///< > 0: automatic liveliness with this lease (elections only)
   bool off_host =
       true;  ///< read on other hosts: counted as traffic; false: only the robot's own host reads it
   bool while_outranked = false;  ///< written even while another process owns the same robot (Bus::rival)

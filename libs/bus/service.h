@@ -31,6 +31,7 @@ struct ServiceOptions {
   std::string fleet;                 ///< --fleet FILE
   std::string robot;                 ///< --robot NAME
   std::string camera;                ///< --camera NAME
+  std::string host;                  ///< --host NAME: of the part of the fleet that this machine runs
   RunMode mode = RunMode::kLive;     ///< --mode live|replay|lockstep
   std::string dataset;               ///< --dataset DIR
   std::string out;                   ///< --out DIR
@@ -89,9 +90,10 @@ class Service {
   /// The stream that this stage waits for: forward TimeMerger::waitingFor.
   virtual std::optional<Waiting> waitingFor(std::chrono::steady_clock::time_point) { return std::nullopt; }
 
-  StatusBoard& status() { return status_; }
+  /// The board that the runner publishes. A service that runs another one returns that one's.
+  virtual StatusBoard& status() { return status_; }
   /// For services that split background() with awaitIdleWindow().
-  IdleWindow& idleWindow() { return idle_window_; }
+  virtual IdleWindow& idleWindow() { return idle_window_; }
 
  private:
   StatusBoard status_;

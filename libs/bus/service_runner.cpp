@@ -90,8 +90,10 @@ class SignalledBus {
   ~SignalledBus() { signalled_bus = nullptr; }
 };
 
+/// Services of the whole fleet are told apart by their machine, if there are several.
 std::string instanceOf(const ServiceOptions& options) {
-  return options.camera.empty() ? options.robot : options.camera;
+  if (!options.camera.empty()) return options.camera;
+  return options.robot.empty() ? options.host : options.robot;
 }
 
 std::shared_ptr<spdlog::logger> makeLogger(const std::string& name, const ServiceOptions& options) {

@@ -97,6 +97,7 @@ Topics::Topics(RunMode mode)
       formation_command{"omnifleet/formation/command", latest()},
       formation_state{"omnifleet/formation/state", stream(mode)},
       service_status{"omnifleet/service/status", statuses()},
+      election{"omnifleet/election", latest()},
       world_truth{"omnifleet/world/truth", onHost(stream(mode))},
       run_end{"omnifleet/run/end", latest(256)} {}
 

@@ -46,6 +46,7 @@ struct Topics {
   Topic<v1::FormationCommand> formation_command;  ///< key fleet; transient local, last 1
   Topic<v1::FormationState> formation_state;      ///< per robot
   Topic<v1::ServiceStatus> service_status;        ///< key service + instance; transient local, last 1
+  Topic<v1::Candidacy> election;                  ///< key office + candidate; transient local, last 1
   Topic<v1::Truth> world_truth;                   ///< per robot; world's renderers and evaluate only
   Topic<v1::RunEnd> run_end;                      ///< key stream; transient local, last 1
 };
@@ -97,6 +98,8 @@ template <>
 const TypeDescriptor& describe<v1::FormationState>();
 template <>
 const TypeDescriptor& describe<v1::ServiceStatus>();
+template <>
+const TypeDescriptor& describe<v1::Candidacy>();
 template <>
 const TypeDescriptor& describe<v1::Truth>();
 template <>

@@ -148,6 +148,11 @@ const TypeDescriptor& describe<v1::FormationState>() {
   return type;
 }
 template <>
+const TypeDescriptor& describe<v1::Candidacy>() {
+  static const TypeDescriptor type = make<v1::CandidacyPubSubType>(v1::kServiceHash);
+  return type;
+}
+template <>
 const TypeDescriptor& describe<v1::ServiceStatus>() {
   static const TypeDescriptor type = make<v1::ServiceStatusPubSubType>(v1::kServiceHash);
   return type;

@@ -100,9 +100,14 @@ struct Fleet {
   /// Robots with a replica of the map (a global_merger): mapping and observing robots. Without any, the first
   /// marked robot, whose replica saves the paths.
   std::vector<std::string> replicas() const;
+  /// The replica that saves the map on a machine: the first one there (of all, without a host). Empty: none.
+  std::string savingReplica(const std::string& host) const;
   std::vector<std::string> ceilingCameras() const;
   /// The machines that the fleet file names, sorted.
   std::vector<std::string> hosts() const;
+  /// The machines whose localizers may estimate the poses, in the order in which they take over: that of the
+  /// localizer (services.localizer.host, else the first one), then the others. Empty without machines.
+  std::vector<std::string> estimatorHosts() const;
   bool hasFormation() const;  ///< the fleet drives its robots
   bool hasWorld() const;      ///< simulated, or a dataset with wheels, observations or laser
 };

@@ -57,6 +57,19 @@ std::vector<std::string> Fleet::hosts() const {
   return {names.begin(), names.end()};
 }
 
+std::vector<std::string> Fleet::estimatorHosts() const {
+  std::vector<std::string> names = hosts();
+  const auto own = std::find(names.begin(), names.end(), hostOf(*this, "localizer", ""));
+  if (own != names.end()) std::rotate(names.begin(), own, own + 1);
+  return names;
+}
+
+std::string Fleet::savingReplica(const std::string& host) const {
+  for (const ProcessSpec& process : processes(*this, host))
+    if (process.service == "global_merger") return process.instance;
+  return {};
+}
+
 int expectedReaders(const Fleet& fleet, const std::string& topic, const std::string& instance) {
   const int robots = static_cast<int>(fleet.mappingRobots().size());
   const int replicas = static_cast<int>(fleet.replicas().size());

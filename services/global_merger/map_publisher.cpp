@@ -11,7 +11,6 @@ namespace omnifleet::services {
 namespace {
 
 constexpr TimeNs kPeriodNs = 1'000'000'000;
-constexpr std::uint32_t kTerm = 1;
 constexpr std::size_t kMaxOutlines = 256, kMaxVertices = 128, kMaxObservers = 32, kMaxRejected = 64;
 
 template <class T>
@@ -73,18 +72,24 @@ v1::RejectionReason reasonToWire(global_merger::Reason reason) {
 }  // namespace
 
 MapPublisher::MapPublisher(const bus::ServiceContext& context, const std::string& map_name,
-                           const std::string& replica, bool publishes)
+                           const std::string& replica)
     : map_name_(map_name),
       replica_(replica),
-      publishes_(publishes),
+      bus_(context.bus),
+      topics_(context.topics),
       clock_(context.options.mode == bus::RunMode::kLive     ? adapters::RunClock::kSystem
              : context.options.mode == bus::RunMode::kReplay ? adapters::RunClock::kDataset
                                                              : adapters::RunClock::kSim),
-      hash_(context.bus.writer(context.topics.map_hash)) {
-  if (!publishes) return;
-  octree_ = context.bus.writer(context.topics.map_octree);
-  grid_ = context.bus.writer(context.topics.map_grid);
-  outlines_ = context.bus.writer(context.topics.map_outlines);
+      hash_(context.bus.writer(context.topics.map_hash)) {}
+
+void MapPublisher::speak(std::uint32_t term) {
+  term_ = term;
+  last_ns_ = INT64_MIN;
+  last_hash_ = {};
+  // A late joiner must not get the last map of a replica that speaks no more.
+  octree_ = term > 0 ? bus_.writer(topics_.map_octree) : nullptr;
+  grid_ = term > 0 ? bus_.writer(topics_.map_grid) : nullptr;
+  outlines_ = term > 0 ? bus_.writer(topics_.map_outlines) : nullptr;
 }
 
 void MapPublisher::update(global_merger::Merger& merger, TimeNs now, bool force, bus::StatusBoard& status,
@@ -92,10 +97,10 @@ void MapPublisher::update(global_merger::Merger& merger, TimeNs now, bool force,
   if (!force && last_ns_ != INT64_MIN && now - last_ns_ < kPeriodNs) return;
   last_ns_ = now;
   if (!force && merger.map().hash() == last_hash_) return;
-  if (publishes_) merger.outlines(meanwhile);
+  if (term_ > 0) merger.outlines(meanwhile);
   last_hash_ = merger.map().hash();
   ++sequence_;
-  if (publishes_) publishMap(merger, now, status);
+  if (term_ > 0) publishMap(merger, now, status);
   publishHash(merger, now, status);
 }
 
@@ -106,7 +111,7 @@ void MapPublisher::publishMap(const global_merger::Merger& merger, TimeNs now, b
   v1::OctreeMap octree;
   octree.map_name(map_name_);
   adapters::fillHeader(now, sequence_, clock_, octree.header());
-  octree.term(kTerm);
+  octree.term(term_);
   octree.resolution_m(cells.resolution_m);
   octree.bt().assign(bt.begin(), bt.end());
   put(*octree_, octree, status);
@@ -114,7 +119,7 @@ void MapPublisher::publishMap(const global_merger::Merger& merger, TimeNs now, b
   v1::Grid grid;
   grid.map_name(map_name_);
   adapters::fillHeader(now, sequence_, clock_, grid.header());
-  grid.term(kTerm);
+  grid.term(term_);
   grid.resolution_m(cells.resolution_m);
   grid.origin(adapters::point(cells.origin_m));
   grid.width(static_cast<std::uint32_t>(cells.width));
@@ -125,7 +130,7 @@ void MapPublisher::publishMap(const global_merger::Merger& merger, TimeNs now, b
   v1::Outlines outlines;
   outlines.map_name(map_name_);
   adapters::fillHeader(now, sequence_, clock_, outlines.header());
-  outlines.term(kTerm);
+  outlines.term(term_);
   adapters::sequenceToWire(merger.lastOutlines(), kMaxOutlines, outlines.objects(), outlineToWire);
   adapters::sequenceToWire(merger.rejected(), kMaxRejected, outlines.rejected(),
                            [](const global_merger::RejectedCandidate& from, v1::RejectedCandidate& to) {

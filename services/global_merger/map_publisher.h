@@ -9,11 +9,15 @@
 
 namespace omnifleet::services {
 
-/// Publishes the merged map: octree, grid and outlines (publishing replica only) and hash (all replicas).
+/// Publishes the merged map: octree, grid and outlines (the replica that speaks only) and hash (all
+/// replicas).
 class MapPublisher {
  public:
-  MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica,
-               bool publishes);
+  MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica);
+
+  /// From now on this replica publishes the map with this term; 0: it publishes the hash only. The next
+  /// update() publishes.
+  void speak(std::uint32_t term);
 
   /// Publishes if one second of data time has passed and the map has changed, or if `force`. `meanwhile` may
   /// add to the map.
@@ -25,7 +29,9 @@ class MapPublisher {
   void publishHash(global_merger::Merger& merger, TimeNs now, bus::StatusBoard& status);
 
   std::string map_name_, replica_;
-  bool publishes_;
+  bus::Bus& bus_;
+  bus::Topics topics_;
+  std::uint32_t term_ = 0;
   adapters::RunClock clock_;
   std::unique_ptr<bus::Writer<v1::OctreeMap>> octree_;
   std::unique_ptr<bus::Writer<v1::Grid>> grid_;

@@ -58,7 +58,7 @@ global_merger::KeyframeOptions keyframeOptions(const fleet::Fleet& fleet, const 
 GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       robot_(fleet.robot(context.options.robot).name),
-      publishes_(fleet.replicas().front() == robot_),
+      saves_(fleet.savingReplica(context.options.host) == robot_),
       ends_(context),
       contributions_(context.bus.reader(context.topics.map_contribution)),
       keyframe_poses_(context.bus.reader(context.topics.map_keyframe_pose)),
@@ -67,13 +67,13 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
                         fleet::expectedReaders(fleet, "map/contribution", robot_)),
       pose_out_(context.bus.writer(context.topics.map_keyframe_pose, robot_), poseStream(robot_),
                 fleet::expectedReaders(fleet, "map/keyframe_pose", robot_)),
-      publisher_(context, fleet.name, robot_, publishes_),
+      publisher_(context, fleet.name, robot_),
       maker_(keyframeOptions(fleet, robot_)),
       replica_(emptyMap(context, fleet, "")),
-      own_maps_(publishes_ ? fleet.locatedRobots() : std::vector<std::string>{},
+      own_maps_(saves_ ? fleet.locatedRobots() : std::vector<std::string>{},
                 [context, fleet](const std::string& robot) { return emptyMap(context, fleet, robot); }),
-      alignments_(context, fleet, publishes_, ends_),
-      places_(context, fleet, publishes_, ends_),
+      alignments_(context, fleet, saves_, ends_),
+      places_(context, fleet, saves_, ends_),
       saver_(context.options.out, fleet) {
   if (fleet.maps(robot_) || fleet.robot(robot_).has_observations) {
     objects_.emplace(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
@@ -85,10 +85,15 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
   if (context.options.mode == bus::RunMode::kLive) {
     replication_.emplace(context_, robot_, fleet.locatedRobots(), replication);
   }
+  const std::vector<std::string> replicas = fleet.replicas();
+  if (context.options.mode == bus::RunMode::kLive && replicas.size() > 1) {
+    office_.emplace(context, "map", replicas, robot_, steady_clock::now());
+  } else if (replicas.front() == robot_) {
+    publisher_.speak(1);
+  }
   // Replicas write to each other. A replica that stopped reading while it waits would block the others.
   contribution_out_.whileFull([this] { pullSets(); });
   pose_out_.whileFull([this] { pullSets(); });
-  const std::vector<std::string> replicas = fleet.replicas();
   for (const std::string& robot : fleet.locatedRobots()) {
     poses_.push_back(std::make_unique<Inlet<v1::Pose, Payload>>(
         context.bus.reader(context.topics.pose, robot), merger_, ends_,
@@ -210,13 +215,26 @@ void GlobalMergerService::exchangeFinally() {
 
 std::optional<steady_clock::time_point> GlobalMergerService::wakeAt() const {
   if (!replication_) return std::nullopt;
-  return replication_->wakeAt();
+  const auto election = office_ ? office_->wakeAt() : std::nullopt;
+  return election ? std::min(*election, replication_->wakeAt()) : replication_->wakeAt();
+}
+
+/// Live: the replicas elect the one that publishes the map. Returns whether this has changed.
+bool GlobalMergerService::speak() {
+  if (!office_ || !office_->update(steady_clock::now())) return false;
+  context_.log->info(office_->term() > 0 ? "publishes the map from now on (term {})"
+                                         : "another replica publishes the map from now on",
+                     office_->term());
+  publisher_.speak(office_->term());
+  has_new_batches_ = true;
+  return true;
 }
 
 /// Receives and processes everything that is available.
 bool GlobalMergerService::receiveAndProcess() {
   bool any = pull();
   any |= exchange();
+  any |= speak();
   while (merger_.nextBatch(batch_)) {
     process();
     any = true;
@@ -236,6 +254,7 @@ bool GlobalMergerService::spin() {
     finishMaps();
     publisher_.update(replica_, batch_.time, true, status());
     saveFinally();
+    if (office_) office_->leave(true);
     ended_ = any = true;
   }
   return any;
@@ -319,14 +338,20 @@ void GlobalMergerService::contribute() {
 /// Live: a run may end by a power failure, so the map is saved periodically.
 void GlobalMergerService::savePeriodically() {
   const auto now = steady_clock::now();
-  if (!publishes_ || context_.options.out.empty() || now - saved_at_ < kSavePeriod) return;
+  if (!saves_ || context_.options.out.empty() || now - saved_at_ < kSavePeriod) return;
   saved_at_ = now;
   own_maps_.fit([this] { pause(); });
   saver_.save(replica_, own_maps_, alignments_.latest(), places_.files(), status());
 }
 
 void GlobalMergerService::saveFinally() {
-  if (!publishes_) return;
+  if (!saves_) return;
+  const bool is_live = replication_.has_value(), is_empty = replica_.map().store().robots().empty();
+  lacks_map_ = is_live && is_empty;
+  if (is_empty && (is_live || !contributed_all_)) {
+    status().report(global_merger::mapEmpty());
+    return;
+  }
   alignments_.pull(status());
   places_.pull(status());
   replica_.outlines();
@@ -337,7 +362,7 @@ void GlobalMergerService::saveFinally() {
 void GlobalMergerService::finishMaps() {
   replica_.finish();
   own_maps_.finish();
-  if (!publishes_) return;
+  if (!saves_) return;
   if (context_.options.incarnation > 1 && !context_.options.out.empty())
     status().report(global_merger::trajectoryIncomplete());
   reportMapWarnings(replica_, status());
@@ -352,11 +377,8 @@ void GlobalMergerService::drain() {
   exchangeFinally();
   finishMaps();
   // Saves before publishing: the map matters most when a fleet is stopped.
-  if (replica_.map().store().robots().empty()) {
-    status().report(global_merger::mapEmpty());
-  } else {
-    saveFinally();
-  }
+  saveFinally();
+  if (office_) office_->leave(false);
   publisher_.update(replica_, batch_.time, true, status());
 }
 

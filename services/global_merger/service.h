@@ -9,6 +9,7 @@
 
 #include "bus/service.h"
 #include "common/inlet.h"
+#include "common/office.h"
 #include "fleet/fleet.h"
 #include "global_merger/alignments.h"
 #include "global_merger/map_publisher.h"
@@ -22,8 +23,9 @@ namespace omnifleet::services {
 
 /// One robot's replica of the map. It makes contributions for all replicas from its robot's objects and
 /// poses, and it builds the map from the contributions and keyframe poses of all robots. Live, it exchanges
-/// with the other replicas what one of them lacks (replication.h). The replica of the first robot publishes
-/// and saves the map, and beside it saves the maps of robots whose poses are in frames of their own.
+/// with the other replicas what one of them lacks (replication.h). One replica publishes the map: the first
+/// one; live, they elect it (office "map"). On each machine the first replica saves the map, and beside it
+/// the maps of robots whose poses are in frames of their own.
 class GlobalMergerService : public bus::Service {
  public:
   GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
@@ -34,7 +36,8 @@ class GlobalMergerService : public bus::Service {
   bool background() override;
   bool finished() const override { return ended_; }
   void drain() override;
-  bool succeeded() const override { return !saver_.failed(); }
+  /// False if the map could not be saved, or if a live run has none.
+  bool succeeded() const override { return !saver_.failed() && !lacks_map_; }
   std::optional<std::chrono::steady_clock::time_point> wakeAt() const override;
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
     return merger_.waitingFor(now);
@@ -66,10 +69,11 @@ class GlobalMergerService : public bus::Service {
   void finishMaps();
   void saveFinally();
   void savePeriodically();
+  bool speak();
 
   bus::ServiceContext context_;
   std::string robot_;
-  bool publishes_;
+  bool saves_;
   bus::TimeMerger<Payload> merger_;
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
@@ -80,6 +84,7 @@ class GlobalMergerService : public bus::Service {
   std::unique_ptr<bus::Reader<v1::KeyframePose>> keyframe_poses_;
   Outlet<v1::Contribution> contribution_out_;
   Outlet<v1::KeyframePose> pose_out_;
+  std::optional<Office> office_;  ///< live, if there are several replicas
   MapPublisher publisher_;
   global_merger::ContributionMaker maker_;
   global_merger::Merger replica_;  ///< the common map
@@ -94,7 +99,7 @@ class GlobalMergerService : public bus::Service {
   v1::Contribution contribution_, own_contribution_;  ///< as received; as written
   v1::KeyframePose keyframe_pose_, own_keyframe_pose_;
   bool has_new_batches_ = false;  ///< batches arrived since the map was last published or not due
-  bool contributed_all_ = false, ended_ = false;
+  bool contributed_all_ = false, ended_ = false, lacks_map_ = false;
   std::chrono::steady_clock::time_point saved_at_ = std::chrono::steady_clock::now();
 };
 

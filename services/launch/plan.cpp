@@ -35,11 +35,28 @@ std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet) {
   return fleet.arena && !request.realtime ? "lockstep" : "live";
 }
 
+std::vector<fleet::ProcessSpec> processesOf(const RunRequest& request, const fleet::Fleet& fleet) {
+  std::vector<fleet::ProcessSpec> processes = fleet::processes(fleet, request.host);
+  if (request.host.empty() || modeOf(request, fleet) != "live" || fleet.estimatorHosts().size() < 2)
+    return processes;
+  const auto isLocalizer = [](const fleet::ProcessSpec& process) {
+    return process.service == "localizer" && process.instance.empty();
+  };
+  if (std::any_of(processes.begin(), processes.end(), isLocalizer)) return processes;
+  for (fleet::ProcessSpec& process : fleet::processes(fleet)) {
+    if (!isLocalizer(process)) continue;
+    process.host = request.host;
+    processes.push_back(process);
+  }
+  return processes;
+}
+
 std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
-                                          const bus::HostNetwork& network, const std::string& program_folder) {
+                                          const bus::HostNetwork& network,
+                                          const std::string& program_folder) {
   const std::string mode = modeOf(request, fleet);
   std::vector<supervisor::ProcessSpec> specs;
-  for (const fleet::ProcessSpec& process : fleet::processes(fleet, request.host)) {
+  for (const fleet::ProcessSpec& process : processesOf(request, fleet)) {
     supervisor::ProcessSpec spec;
     std::string instance = process.instance;
     std::replace(instance.begin(), instance.end(), '/', '_');
@@ -54,6 +71,7 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
     const auto add = [&](const std::string& key, const std::string& value) {
       if (!value.empty()) spec.argv.insert(spec.argv.end(), {key, value});
     };
+    add("--host", request.host);
     add("--fleet", request.fleet_file);
     add("--dataset", fleet.dataset);
     for (const std::string& overlay : request.overlays) add("--config", overlay);
@@ -80,8 +98,10 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
 
 std::vector<std::string> services(const RunRequest& request, const fleet::Fleet& fleet) {
   std::vector<std::string> names;
-  for (const fleet::ProcessSpec& process : fleet::processes(fleet, request.host))
-    names.push_back(process.instance.empty() ? process.service : process.service + " " + process.instance);
+  for (const fleet::ProcessSpec& process : processesOf(request, fleet)) {
+    const std::string& instance = process.instance.empty() ? request.host : process.instance;
+    names.push_back(instance.empty() ? process.service : process.service + " " + instance);
+  }
   return names;
 }
 

@@ -30,6 +30,9 @@ struct RunRequest {
 /// "live".
 std::string modeOf(const RunRequest& request, const fleet::Fleet& fleet);
 
+/// The processes of this run. Live, each of several machines has a localizer (ElectedLocalizer).
+std::vector<fleet::ProcessSpec> processesOf(const RunRequest& request, const fleet::Fleet& fleet);
+
 /// One entry per process of the fleet on this host. `program_folder` contains the service programs.
 std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet::Fleet& fleet,
                                           const bus::HostNetwork& network, const std::string& program_folder);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "localizer/ceiling_service.h"
+#include "localizer/elected_localizer.h"
 #include "localizer/messages.h"
 
 namespace omnifleet::services {
@@ -16,6 +17,8 @@ using std::chrono::steady_clock;
 constexpr std::size_t kRevisedAtOnce = 20;
 constexpr std::chrono::seconds kRecoveryTimeout{
     2};  // to receive the state that the replicas hold; they answer within milliseconds
+// For the first frame of a robot that can be reached, if the process knows all participants already.
+constexpr std::chrono::milliseconds kTakeoverTimeout{300};
 
 std::vector<estimation::RobotSetup> setups(const fleet::Fleet& fleet,
                                            const estimation::EstimatorOptions& options) {
@@ -76,7 +79,8 @@ std::vector<Measurement> surveyed(const fleet::Fleet& fleet) {
 
 }  // namespace
 
-LocalizerService::LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
+LocalizerService::LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet,
+                                   const std::optional<Takeover>& takeover)
     : context_(context),
       ends_(context),
       estimator_options_(estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
@@ -107,11 +111,16 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
                           static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth),
                           asSet(fleet.mappingRobots()));
   keyframe_poses_ = context_.bus.reader(context_.topics.map_keyframe_pose);
+  takes_over_ = takeover.has_value();
+  if (!takeover) return;
+  for (const auto& [robot, pose] : takeover->latest) state_recovery_->receive(pose);
 }
 
 void LocalizerService::start() {
   status().state(bus::ServiceState::kRunning);
-  if (state_recovery_) recovery_deadline_ = steady_clock::now() + kRecoveryTimeout;
+  if (!state_recovery_) return;
+  recovery_deadline_ = steady_clock::now() + kRecoveryTimeout;
+  heard_deadline_ = takes_over_ ? steady_clock::now() + kTakeoverTimeout : *recovery_deadline_;
 }
 
 void LocalizerService::addOutputs(const fleet::Fleet& fleet, const std::string& robot) {
@@ -228,7 +237,10 @@ bool LocalizerService::isRecovering() {
   while (keyframe_poses_->take(keyframe_pose_)) {
     if (adapters::fromWire(keyframe_pose_, pose)) state_recovery_->receive(pose);
   }
-  if (!state_recovery_->isComplete() && steady_clock::now() < *recovery_deadline_) return true;
+  const auto now = steady_clock::now();
+  const bool is_known =
+      state_recovery_->isComplete() || (now >= heard_deadline_ && state_recovery_->isCompleteForHeard());
+  if (!is_known && now < *recovery_deadline_) return true;
   recovery_deadline_.reset();
   keyframe_poses_.reset();
   estimator_ = localizer::EstimatorStage(state_recovery_->setups(), estimator_options_,
@@ -451,6 +463,9 @@ std::unique_ptr<bus::Service> makeLocalizer(const bus::ServiceContext& context) 
   const auto& o = context.options;
   const fleet::Fleet fleet = fleet::Fleet::load(o.fleet, o.dataset, o.configs);
   if (!o.camera.empty()) return std::make_unique<CeilingService>(context, fleet);
+  const std::vector<std::string> hosts = fleet.estimatorHosts();
+  if (o.mode == bus::RunMode::kLive && hosts.size() > 1 && !o.host.empty())
+    return std::make_unique<ElectedLocalizer>(context, fleet);
   return std::make_unique<LocalizerService>(context, fleet);
 }
 

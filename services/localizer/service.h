@@ -30,7 +30,13 @@ namespace omnifleet::services {
 /// publishes no valid pose before it knows them.
 class LocalizerService : public bus::Service {
  public:
-  LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
+  /// What a localizer of another machine has heard before it takes over.
+  struct Takeover {
+    std::map<std::string, occupancy::KeyframePose> latest;  ///< keyframe pose of each robot
+  };
+
+  LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet,
+                   const std::optional<Takeover>& takeover = std::nullopt);
 
   std::vector<bus::Expectation> expectations() const override;
   void start() override;
@@ -42,7 +48,10 @@ class LocalizerService : public bus::Service {
     return merger_.waitingFor(now);
   }
   std::optional<std::chrono::steady_clock::time_point> wakeAt() const override {
-    return recovery_deadline_ || !ceiling_wait_ ? recovery_deadline_ : ceiling_wait_->until();
+    if (recovery_deadline_) {
+      return std::chrono::steady_clock::now() < heard_deadline_ ? heard_deadline_ : *recovery_deadline_;
+    }
+    return ceiling_wait_ ? ceiling_wait_->until() : std::nullopt;
   }
   /// Returns false if a run has ended in which frames arrived but no robot was ever localized: there is no
   /// map.
@@ -115,6 +124,9 @@ class LocalizerService : public bus::Service {
   /// After a restart during a run: the state to recover, and until when the localizer waits for it.
   std::optional<localizer::StateRecovery> state_recovery_;
   std::optional<std::chrono::steady_clock::time_point> recovery_deadline_;
+  /// From then on the localizer does not wait for robots of which nothing has arrived.
+  std::chrono::steady_clock::time_point heard_deadline_{};
+  bool takes_over_ = false;
   std::unique_ptr<bus::Reader<v1::KeyframePose>> keyframe_poses_;
   v1::KeyframePose keyframe_pose_;
   std::vector<Measurement> recovered_poses_;

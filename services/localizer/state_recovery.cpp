@@ -40,13 +40,22 @@ void StateRecovery::receive(const Objects& frame) {
   if (!fresh) oldest->second = std::min(oldest->second, frame.acquired_ns);
 }
 
+/// Whether a pose of the robot is known from which its frames continue.
+bool StateRecovery::continues(const std::string& robot) const {
+  const auto pose = latest_.find(robot);
+  const auto frame = oldest_ns_.find(robot);
+  if (pose == latest_.end() || (frame == oldest_ns_.end() && mapping_.count(robot) > 0)) return false;
+  return frame == oldest_ns_.end() || pose->second.acquired_ns >= frame->second;
+}
+
 bool StateRecovery::isComplete() const {
-  return std::all_of(robots_.begin(), robots_.end(), [&](const auto& robot) {
-    const auto pose = latest_.find(robot.first);
-    const auto frame = oldest_ns_.find(robot.first);
-    if (pose == latest_.end() || (frame == oldest_ns_.end() && mapping_.count(robot.first) > 0)) return false;
-    return frame == oldest_ns_.end() || pose->second.acquired_ns >= frame->second;
-  });
+  return std::all_of(robots_.begin(), robots_.end(),
+                     [&](const auto& robot) { return continues(robot.first); });
+}
+
+bool StateRecovery::isCompleteForHeard() const {
+  return !oldest_ns_.empty() && std::all_of(oldest_ns_.begin(), oldest_ns_.end(),
+                                            [&](const auto& robot) { return continues(robot.first); });
 }
 
 std::vector<estimation::RobotSetup> StateRecovery::setups() const {

@@ -31,6 +31,8 @@ class StateRecovery {
   /// Whether a pose of every robot is known from which its frames continue without a gap. A replica sends its
   /// poses oldest first. (A robot whose frames are not kept only needs a pose.)
   bool isComplete() const;
+  /// The same for the robots of which a frame has arrived, at least one. The others may be out of reach.
+  bool isCompleteForHeard() const;
 
   /// The fleet for an estimator that begins now: without initial poses, with the camera errors found before.
   std::vector<estimation::RobotSetup> setups() const;
@@ -57,6 +59,8 @@ class StateRecovery {
   std::vector<std::string> takeUnknownRobots();
 
  private:
+  bool continues(const std::string& robot) const;
+
   std::map<std::string, estimation::RobotSetup> robots_;
   estimation::EstimatorOptions options_;
   std::uint32_t kept_;

@@ -195,21 +195,6 @@ TEST(DdsBus, TransfersLargeSamplesInSmallDatagrams) {
   EXPECT_TRUE(got[0] == grid);
 }
 
-TEST(DdsBus, LivelinessIsLostWithinItsLease) {
-  Topic<v1::Pose> election = Topics(RunMode::kLive).pose;
-  election.qos.liveliness_lease = milliseconds(500);
-  const auto b = makeDdsBus(onOwnDomain());
-  const auto reader = b->reader(election);
-  {
-    const auto a = makeDdsBus(onOwnDomain());
-    const auto writer = a->writer(election);
-    ASSERT_TRUE(writer->waitForReaders(1, kPatience));
-    ASSERT_TRUE(writer->write(poseOf("r1", 1)));
-    while (reader->alive() < 1) ASSERT_TRUE(b->wait(kPatience));
-  }
-  while (reader->alive() > 0) ASSERT_TRUE(b->wait(kPatience));
-}
-
 std::set<std::string> sharedFrameFiles() {
   std::set<std::string> names;
   for (const auto& entry : fs::directory_iterator("/dev/shm")) {

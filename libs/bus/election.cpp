@@ -1,0 +1,78 @@
+#include "bus/election.h"
+
+#include <algorithm>
+
+namespace omnifleet::bus {
+
+Election::Election(std::size_t rank, std::size_t candidates, Time start)
+    : rank_(rank), others_(candidates), settled_(start + kSettle) {}
+
+void Election::hear(std::size_t rank, bool alive, std::uint32_t term) {
+  others_.at(rank) = {alive, term};
+  noteTerm(term);
+}
+
+void Election::noteTerm(std::uint32_t term) {
+  greatest_ = std::max(greatest_, term);
+}
+
+/// Another living holder that this one must give way to.
+bool Election::holdsAbove(std::size_t rank) const {
+  const Other& other = others_[rank];
+  return other.alive && (other.term > term_ || (other.term == term_ && rank < rank_));
+}
+
+bool Election::update(Time now) {
+  wake_at_.reset();
+  if (finished_) return false;
+  bool any_holder = false, above = false;
+  for (std::size_t i = 0; i < others_.size(); ++i) {
+    if (i == rank_ || !others_[i].alive || others_[i].term == 0) continue;
+    any_holder = true;
+    above = above || holdsAbove(i);
+  }
+  if (term_ == 0) {
+    if (!any_holder) return take(now);
+    vacant_since_.reset();
+    return false;
+  }
+  if (above) {
+    term_ = 0;
+    met_rival_ = false;
+    return true;
+  }
+  if (any_holder || !met_rival_) {
+    met_rival_ = any_holder;
+    return false;
+  }
+  met_rival_ = false;
+  term_ = ++greatest_;
+  return true;
+}
+
+/// Nobody holds the office. The candidates before this one have their turn first.
+bool Election::take(Time now) {
+  bool all_alive = true;
+  int before = 0;
+  for (std::size_t i = 0; i < others_.size(); ++i) {
+    if (i == rank_) continue;
+    all_alive = all_alive && others_[i].alive;
+    before += i < rank_ && others_[i].alive ? 1 : 0;
+  }
+  if (!all_alive && now < settled_) {
+    wake_at_ = settled_;
+    return false;
+  }
+  settled_ = now;
+  if (!vacant_since_) vacant_since_ = now;
+  const Time turn = *vacant_since_ + before * kTurn;
+  if (now < turn) {
+    wake_at_ = turn;
+    return false;
+  }
+  vacant_since_.reset();
+  term_ = ++greatest_;
+  return true;
+}
+
+}  // namespace omnifleet::bus
