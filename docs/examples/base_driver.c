@@ -65,7 +65,7 @@ int main(int argc, char** argv) {
   omnifleet_v1_WheelOdometry odometry = {.header.clock = omnifleet_v1_CLOCK_SYSTEM};
   snprintf(odometry.robot, sizeof odometry.robot, "%s", robot);
   const int64_t period_ns = 20000000, command_holds_ns = 1000000000;
-  int64_t tick_ns = now_ns(CLOCK_MONOTONIC), commanded_ns = tick_ns, measured_ns = now_ns(CLOCK_REALTIME);
+  int64_t tick_ns = now_ns(CLOCK_MONOTONIC), measured_ns = now_ns(CLOCK_REALTIME), commanded_ns = 0;
   while (!stop) {
     tick_ns += period_ns;
     const struct timespec tick = {tick_ns / 1000000000, tick_ns % 1000000000};
@@ -78,7 +78,10 @@ int main(int argc, char** argv) {
         base_drive(&base, command->v_left_mps, command->v_right_mps), commanded_ns = tick_ns;
       dds_return_loan(reader, sample, 1);
     }
-    if (tick_ns - commanded_ns > command_holds_ns) base_drive(&base, 0, 0); /* formation is gone: stand */
+    if (commanded_ns > 0 && tick_ns - commanded_ns > command_holds_ns) { /* formation is gone: stand, once */
+      base_drive(&base, 0, 0);
+      commanded_ns = 0;
+    }
 
     double speed_mps[2];
     base_measure(&base, speed_mps);
