@@ -7,8 +7,8 @@ namespace omnifleet::bus {
 Election::Election(std::size_t rank, std::size_t candidates, Time start)
     : rank_(rank), others_(candidates), settled_(start + kSettle) {}
 
-void Election::hear(std::size_t rank, bool alive, std::uint32_t term) {
-  others_.at(rank) = {alive, term};
+void Election::hear(std::size_t rank, bool alive, std::uint32_t term, std::uint32_t yielded) {
+  others_.at(rank) = {alive, term, yielded};
   noteTerm(term);
 }
 
@@ -25,29 +25,28 @@ bool Election::holdsAbove(std::size_t rank) const {
 bool Election::update(Time now) {
   wake_at_.reset();
   if (finished_) return false;
-  bool any_holder = false, above = false;
+  bool any_holder = false;
+  std::uint32_t above = 0;
   for (std::size_t i = 0; i < others_.size(); ++i) {
     if (i == rank_ || !others_[i].alive || others_[i].term == 0) continue;
     any_holder = true;
-    above = above || holdsAbove(i);
+    if (holdsAbove(i)) above = std::max(above, others_[i].term);
   }
   if (term_ == 0) {
     if (!any_holder) return take(now);
     vacant_since_.reset();
     return false;
   }
-  if (above) {
+  if (above > 0) {
+    yielded_ = above;
     term_ = 0;
-    met_rival_ = false;
     return true;
   }
-  if (any_holder || !met_rival_) {
-    met_rival_ = any_holder;
-    return false;
-  }
-  met_rival_ = false;
-  term_ = ++greatest_;
-  return true;
+  const bool has_outlasted = std::any_of(others_.begin(), others_.end(), [this](const Other& other) {
+    return other.alive && other.yielded == term_;
+  });
+  if (has_outlasted) term_ = ++greatest_;
+  return has_outlasted;
 }
 
 /// Nobody holds the office. The candidates before this one have their turn first.

@@ -22,8 +22,9 @@ class Election {
   /// is held must be heard first
   Election(std::size_t rank, std::size_t candidates, Time start);
 
-  /// What is known of another candidate: whether it lives, and its latest term (0: stands by).
-  void hear(std::size_t rank, bool alive, std::uint32_t term);
+  /// What is known of another candidate: whether it lives, its latest term (0: stands by), and the term of
+  /// the holder to which it gave way (0: none).
+  void hear(std::size_t rank, bool alive, std::uint32_t term, std::uint32_t yielded);
   /// Terms up to this one have been used, by whomever.
   void noteTerm(std::uint32_t term);
   /// The work is done: nobody takes the office any more.
@@ -34,6 +35,8 @@ class Election {
 
   /// > 0: this candidate holds the office. 0: it stands by.
   std::uint32_t term() const { return term_; }
+  /// > 0: this candidate held the office and gave way to a holder with this term.
+  std::uint32_t yielded() const { return yielded_; }
   /// When update() is due again without anything heard; empty: not at all.
   std::optional<Time> wakeAt() const { return wake_at_; }
 
@@ -43,7 +46,7 @@ class Election {
  private:
   struct Other {
     bool alive = false;
-    std::uint32_t term = 0;
+    std::uint32_t term = 0, yielded = 0;
   };
   bool holdsAbove(std::size_t rank) const;
   bool take(Time now);
@@ -51,8 +54,7 @@ class Election {
   std::size_t rank_;
   std::vector<Other> others_;  ///< by rank; the own entry is not used
   Time settled_;
-  std::uint32_t term_ = 0, greatest_ = 0;
-  bool met_rival_ = false;  ///< another holder that must step down
+  std::uint32_t term_ = 0, greatest_ = 0, yielded_ = 0;
   bool finished_ = false;
   std::optional<Time> vacant_since_, wake_at_;
 };

@@ -35,6 +35,12 @@ void checkAddress(const std::string& address, const std::vector<NetworkAddress>&
     throw options::Error(
         fmt::format("network address {}: its interface {} is down; switch it on: ip link set {} up", address,
                     found->interface, found->interface));
+  if (!std::any_of(found, present.end(),
+                   [&](const NetworkAddress& known) { return of_address(known) && known.connected; }))
+    throw options::Error(
+        fmt::format("network address {}: its interface {} is not connected; plug in the cable or wait for "
+                    "the Wi-Fi network",
+                    address, found->interface));
 }
 
 }  // namespace
@@ -43,7 +49,10 @@ std::string listed(const std::vector<NetworkAddress>& present) {
   if (present.empty()) return "this machine has no address";
   std::vector<std::string> names;
   for (const NetworkAddress& known : present)
-    names.push_back(fmt::format("{} ({}{})", known.address, known.interface, known.up ? "" : ", down"));
+    names.push_back(fmt::format("{} ({}{})", known.address, known.interface,
+                                !known.up          ? ", down"
+                                : !known.connected ? ", not connected"
+                                                   : ""));
   return fmt::format("this machine has {}", fmt::join(names, ", "));
 }
 
@@ -60,7 +69,8 @@ std::vector<NetworkAddress> networkAddresses() {
     if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
     char text[INET_ADDRSTRLEN] = {};
     ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(entry->ifa_addr)->sin_addr, text, sizeof text);
-    present.push_back({entry->ifa_name, text, (entry->ifa_flags & IFF_UP) != 0});
+    present.push_back(
+        {entry->ifa_name, text, (entry->ifa_flags & IFF_UP) != 0, (entry->ifa_flags & IFF_RUNNING) != 0});
   }
   return present;
 }

@@ -10,6 +10,7 @@ struct NetworkAddress {
   std::string interface;  ///< "lo", "eth0"
   std::string address;    ///< "127.0.0.1"
   bool up = false;        ///< the interface is up
+  bool connected = true;  ///< and has a carrier: a cable, or a Wi-Fi network
 };
 
 bool isLoopback(const std::string& address);  ///< 127.0.0.0/8
@@ -22,8 +23,8 @@ std::vector<NetworkAddress> networkAddresses();
 /// "this machine has 127.0.0.1 (lo), 10.0.0.1 (eth0, down)", for messages.
 std::string listed(const std::vector<NetworkAddress>& present);
 
-/// Throws options::Error when one of `addresses` is not among `present`, or when its interface is down. DDS
-/// would start without a word and reach nobody.
+/// Throws options::Error when one of `addresses` is not among `present`, or when its interface is down or
+/// not connected. DDS would start without a word and reach nobody.
 void checkAddresses(const std::vector<std::string>& addresses, const std::vector<NetworkAddress>& present);
 
 /// checkAddresses() with the addresses of this machine.

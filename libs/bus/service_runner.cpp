@@ -106,6 +106,17 @@ std::shared_ptr<spdlog::logger> makeLogger(const std::string& name, const Servic
   return log;
 }
 
+/// The launcher has checked the network. If it is gone when a process is restarted, the next start may
+/// succeed.
+void applyNetwork(const ServiceOptions& options, DdsBusOptions& bus) {
+  try {
+    resolve(options.network).apply(bus);
+  } catch (const omnifleet::options::Error& problem) {
+    if (options.incarnation > 1) throw std::runtime_error(problem.what());
+    throw;
+  }
+}
+
 DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
                          std::shared_ptr<spdlog::logger> log) {
   DdsBusOptions bus;
@@ -115,7 +126,7 @@ DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
   bus.write_timeout = options.silence_limit;
   // In deterministic modes a busy machine must not look like a failed stage.
   if (isDeterministic(options.mode)) bus.lease = options.silence_limit;
-  resolve(options.network).apply(bus);
+  applyNetwork(options, bus);
   if (!options.robot.empty()) bus.claim = RobotClaim::ofThisProcess(name, options.robot);
   bus.report = [log](const std::string& line) { log->warn("{}", line); };
   return bus;

@@ -39,9 +39,10 @@ class Office::Heartbeat {
     const std::lock_guard<std::mutex> lock(mutex_);
     updated_ = std::chrono::steady_clock::now();
   }
-  void publish(std::uint32_t term, bool finished) {
+  void publish(std::uint32_t term, std::uint32_t yielded, bool finished) {
     const std::lock_guard<std::mutex> lock(mutex_);
     sample_.term(term);
+    sample_.yielded(yielded);
     sample_.finished(finished);
     write();
   }
@@ -83,16 +84,16 @@ bool Office::update(Time now) {
   while (reader_->take(sample_)) {
     const std::size_t rank = rankOf(candidates_, sample_.candidate().to_string());
     if (sample_.office() != office_ || rank == rank_ || rank == candidates_.size()) continue;
-    others_[rank] = {now, sample_.term()};
+    others_[rank] = {now, sample_.term(), sample_.yielded()};
     if (sample_.finished()) election_.finish();
   }
   for (std::size_t i = 0; i < others_.size(); ++i) {
     Other& other = others_[i];
     if (other.heard && now - *other.heard >= kLease) other.heard.reset();
-    if (i != rank_) election_.hear(i, other.heard.has_value(), other.term);
+    if (i != rank_) election_.hear(i, other.heard.has_value(), other.term, other.yielded);
   }
   if (!election_.update(now)) return false;
-  heartbeat_->publish(term(), false);
+  heartbeat_->publish(term(), election_.yielded(), false);
   return true;
 }
 
@@ -107,7 +108,7 @@ std::optional<Office::Time> Office::wakeAt() const {
 }
 
 void Office::leave(bool finished) {
-  heartbeat_->publish(0, finished && term() > 0);
+  heartbeat_->publish(0, 0, finished && term() > 0);
   heartbeat_->stop();
 }
 

@@ -40,7 +40,7 @@ class Office {
   class Heartbeat;
   struct Other {
     std::optional<Time> heard;
-    std::uint32_t term = 0;
+    std::uint32_t term = 0, yielded = 0;
   };
 
   std::string office_;

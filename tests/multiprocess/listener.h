@@ -15,7 +15,9 @@ namespace omnifleet::test {
 /// conditions.
 class Listener {
  public:
-  explicit Listener(int domain) : bus_(bus::makeDdsBus(options(domain))), topics_(bus::RunMode::kLive) {}
+  /// @param address of the machine's network; empty: loopback
+  explicit Listener(int domain, const std::string& address = {})
+      : bus_(bus::makeDdsBus(options(domain, address))), topics_(bus::RunMode::kLive) {}
 
   bus::Bus& bus() { return *bus_; }
   const bus::Topics& topics() const { return topics_; }
@@ -46,10 +48,11 @@ class Listener {
   }
 
  private:
-  static bus::DdsBusOptions options(int domain) {
+  static bus::DdsBusOptions options(int domain, const std::string& address) {
     bus::DdsBusOptions o;
     o.name = "listener";
     o.domain = domain;
+    if (!address.empty()) o.interfaces = {address};
     // On a busy machine the fleet must not consider this participant gone.
     o.lease = std::chrono::seconds(30);
     return o;

@@ -42,6 +42,13 @@ TEST(NetworkAddresses, AreRefusedWhenAbsentOrDown) {
   EXPECT_THAT(problemOf({"eth0"}, present), HasSubstr("10.0.0.4 (eth0, down)"));
 }
 
+/// A robot that starts before its Wi-Fi network is there.
+TEST(NetworkAddresses, AreRefusedWithoutCarrier) {
+  const std::vector<NetworkAddress> present{{"lo", "127.0.0.1", true}, {"wlan0", "10.0.0.4", true, false}};
+  EXPECT_THAT(problemOf({"10.0.0.4"}, present), HasSubstr("wlan0 is not connected"));
+  EXPECT_THAT(listed(present), HasSubstr("10.0.0.4 (wlan0, not connected)"));
+}
+
 TEST(NetworkAddresses, HaveLoopbackHere) {
   EXPECT_NO_THROW(requireAddresses({"127.0.0.1"}));
 }

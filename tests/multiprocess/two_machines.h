@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace omnifleet::test {
+
+/// Two network namespaces, pcA (10.77.0.1) and pcB (10.77.0.2), that a pair of virtual interfaces connects.
+/// The destructor removes them.
+class TwoMachines {
+ public:
+  /// Why this machine cannot make namespaces; empty: it can.
+  static std::string obstacle();
+
+  TwoMachines();
+  ~TwoMachines();
+  TwoMachines(const TwoMachines&) = delete;
+  TwoMachines& operator=(const TwoMachines&) = delete;
+
+  /// The command, run on a machine ("pcA", "pcB").
+  std::vector<std::string> on(const std::string& machine, std::vector<std::string> argv) const;
+  /// This thread, and threads that it starts, are on the machine until the result is destroyed. A participant
+  /// must be made and used there: Fast DDS looks at the interfaces whenever it makes an endpoint.
+  std::shared_ptr<void> enter(const std::string& machine) const;
+  /// Cuts the link between them, and restores it.
+  void cut() const;
+  void restore() const;
+  /// No multicast packet passes from now on.
+  void blockMulticast() const;
+  /// Bytes that pcA has received from pcB since the start.
+  std::uint64_t receivedByA() const;
+
+ private:
+  void awaitCarrier() const;
+  std::string nameOf(const std::string& machine) const;
+
+  std::string prefix_;
+};
+
+}  // namespace omnifleet::test
