@@ -34,8 +34,8 @@ struct StampedLocalization {
 inline constexpr std::array kLocalizationStates{LocalizationState::kUnlocated, LocalizationState::kLocalized,
                                                 LocalizationState::kOdometryOnly, LocalizationState::kLost,
                                                 LocalizationState::kRelocalized};
-inline constexpr std::array kPoseEvents{PoseEvent::kNone, PoseEvent::kRelocalized, PoseEvent::kLoopClosed,
-                                        PoseEvent::kAbsolute, PoseEvent::kCorrected};
+inline constexpr std::array kPoseEvents{PoseEvent::kNone,     PoseEvent::kRelocalized, PoseEvent::kLoopClosed,
+                                        PoseEvent::kAbsolute, PoseEvent::kCorrected,   PoseEvent::kGap};
 
 /// A complete row of a TUM file: `timestamp[s] tx ty tz qx qy qz qw`.
 struct StampedPose3 {

@@ -58,6 +58,8 @@ const char* toString(ErrorCode code) {
       return "frame_not_matched";
     case ErrorCode::kPlacesIncomparable:
       return "places_incomparable";
+    case ErrorCode::kPoseGap:
+      return "pose_gap";
     case ErrorCode::kLocalizationLost:
       return "localization_lost";
     case ErrorCode::kKidnapped:

@@ -43,6 +43,7 @@ enum class ErrorCode : std::uint8_t {
   kFrameNotMatched,
   kPlacesIncomparable,
   kLocalizationLost,
+  kPoseGap,
   kKidnapped,
   kInitialPoseRejected,
   kInitialPoseUnconfirmed,

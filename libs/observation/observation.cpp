@@ -82,6 +82,8 @@ const char* toString(PoseEvent event) {
       return "absolute";
     case PoseEvent::kCorrected:
       return "corrected";
+    case PoseEvent::kGap:
+      return "gap";
   }
   return "?";
 }

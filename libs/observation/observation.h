@@ -172,7 +172,8 @@ enum class PoseEvent : std::uint8_t {
   kRelocalized = 1,  ///< found again by a unique match
   kLoopClosed = 2,   ///< a return to a known place corrected the path
   kAbsolute = 3,     ///< an absolute measurement corrected it
-  kCorrected = 4     ///< any other correction beyond 3 σ
+  kCorrected = 4,    ///< any other correction beyond 3 σ
+  kGap = 5           ///< first pose after a time without poses: no frame arrived, or nobody estimated
 };
 const char* toString(PoseEvent event);
 

@@ -39,7 +39,7 @@ bool fromWire(const v1::Pose& from, PoseEstimate& to) {
   to.camera_error = Eigen::Map<const Eigen::Vector4d>(from.camera_error().data());
   to.correction_sigmas = from.correction_sigmas();
   const bool known = enumFromWire(from.state(), LocalizationState::kRelocalized, to.state) &&
-                     enumFromWire(from.event(), PoseEvent::kCorrected, to.event);
+                     enumFromWire(from.event(), PoseEvent::kGap, to.event);
   if (known && finite(to.correction_sigmas) && to.map_from_base.isFinite() && to.covariance.allFinite() &&
       to.camera_error.allFinite())
     return true;

@@ -114,6 +114,7 @@ void checkOptions(const fleet::Fleet& fleet) {
   localizer::ObservationOptions::read(localizer.child("observations"));
   localizer::MarkedOptions::read(localizer.child("marked"));
   localizer::AgreementOptions::read(localizer.child("agreement"));
+  localizer::PoseGapOptions::read(localizer.child("pose_gaps"));
   localizer.finish();
 
   const options::Section merger = fleet.service("global_merger");

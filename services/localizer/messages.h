@@ -16,6 +16,14 @@ inline Message restartedWithoutPose(const std::string& robot) {
               ": no replica of the map holds its pose after the restart; it has no pose until a ceiling "
               "camera or a localized robot observes it"};
 }
+inline Message poseGap(const std::string& robot, double gap_s, double until_s) {
+  return {
+      ErrorCode::kPoseGap,
+      fmt::format(
+          "{}: no pose for {:.1f} s before {:.1f} s: no frame of it arrived, or no localizer ran; the pose "
+          "after it has event gap. Its replica may hold keyframes of that time and re-sends them",
+          robot, gap_s, until_s)};
+}
 inline Message neverLocalized(const std::string& robot) {
   return {ErrorCode::kNotLocalized,
           robot +

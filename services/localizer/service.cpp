@@ -106,6 +106,8 @@ LocalizerService::LocalizerService(const bus::ServiceContext& context, const fle
   ceiling_cameras_ = fleet.ceilingCameras().size();
   if (!bus::isDeterministic(context.options.mode) && is_blind && ceiling_cameras_ > 0)
     ceiling_wait_.emplace(wait);
+  const auto gaps = localizer::PoseGapOptions::read(fleet.service("localizer").child("pose_gaps"));
+  if (!bus::isDeterministic(context.options.mode)) gaps_.emplace(gaps);
   if (context.options.incarnation == 1) return;
   state_recovery_.emplace(setups(fleet, estimator_options_), estimator_options_,
                           static_cast<std::uint32_t>(context_.topics.objects_kept.qos.depth),
@@ -243,6 +245,7 @@ bool LocalizerService::isRecovering() {
   if (!is_known && now < *recovery_deadline_) return true;
   recovery_deadline_.reset();
   keyframe_poses_.reset();
+  for (const auto& [robot, pose] : state_recovery_->latest()) gaps_->know(robot, pose.acquired_ns);
   estimator_ = localizer::EstimatorStage(state_recovery_->setups(), estimator_options_,
                                          state_recovery_->ownFrames(own_frames_));
   estimator_.keepAlignments(state_recovery_->inMap());
@@ -401,8 +404,13 @@ void LocalizerService::notePublished(std::size_t published, const std::vector<Po
   }
 }
 
-void LocalizerService::publishPose(const PoseEstimate& pose) {
+void LocalizerService::publishPose(PoseEstimate pose) {
   noteLocalized(pose);
+  if (const auto gap_s =
+          gaps_ && pose.valid ? gaps_->gapBefore(pose.robot, pose.acquired_ns) : std::nullopt) {
+    if (pose.event == PoseEvent::kNone) pose.event = PoseEvent::kGap;
+    status().report(localizer::poseGap(pose.robot, *gap_s, 1e-9 * static_cast<double>(pose.acquired_ns)));
+  }
   adapters::toWire(pose, runClock(context_.options), term_, sample_);  // does not change `published`
   outputs_.at(pose.robot).pose.write(sample_, status());
   if (marked_robots_.names().count(pose.robot) > 0 && marked_robots_.isDue(pose)) publishCorrections({pose});

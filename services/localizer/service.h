@@ -17,6 +17,7 @@
 #include "localizer/estimator_stage.h"
 #include "localizer/marked_robots.h"
 #include "localizer/observation_frames.h"
+#include "localizer/pose_gaps.h"
 #include "localizer/state_recovery.h"
 
 namespace omnifleet::services {
@@ -84,7 +85,7 @@ class LocalizerService : public bus::Service {
   void addRecoveredPoses();
   void process();
   void takeWheels();
-  void publishPose(const PoseEstimate& pose);
+  void publishPose(PoseEstimate pose);
   void noteLocalized(const PoseEstimate& pose);
   void reportNeverLocalized();
   void notePublished(std::size_t published, const std::vector<PoseEstimate>& poses);
@@ -112,6 +113,7 @@ class LocalizerService : public bus::Service {
   localizer::ObservationFrames observation_frames_;
   localizer::MarkedRobots marked_robots_;
   localizer::CeilingAgreement agreement_;
+  std::optional<localizer::PoseGaps> gaps_;             ///< live
   std::optional<localizer::CeilingWait> ceiling_wait_;  ///< live, if a robot that maps has no wheels
   std::size_t ceiling_cameras_ = 0;
   std::vector<TimeNs> newest_ns_;      ///< of the ceiling cameras

@@ -41,6 +41,9 @@ class StateRecovery {
   /// are there at their first frame that is not past.
   std::map<std::string, Pose2> ownFrames(const std::map<std::string, Pose2>& may) const;
 
+  /// The latest pose of each robot.
+  const std::map<std::string, occupancy::KeyframePose>& latest() const { return latest_; }
+
   /// Robots whose latest pose is in map. How their frames lie in map was reported before the restart.
   std::set<std::string> inMap() const;
 
