@@ -8,6 +8,8 @@
 #include <csignal>
 
 #include "bus/dds_bus.h"
+#include "bus/interfaces.h"
+#include "bus/shared_memory.h"
 #include "options/options.h"
 
 namespace omnifleet::bus {
@@ -135,11 +137,17 @@ DdsBusOptions busOptions(const std::string& name, const ServiceOptions& options,
 int runOnDds(const std::string& name, const ServiceOptions& options, const ServiceFactory& make,
              const std::shared_ptr<spdlog::logger>& log) {
   const ExitTimeout exit_timeout;
-  const std::unique_ptr<Bus> bus = makeDdsBus(busOptions(name, options, log));
+  const DdsBusOptions bus_options = busOptions(name, options, log);
+  requireAddresses(bus_options.interfaces);
+  std::optional<SharedMemoryOwner> memory;  // ends after the bus, whose files it names
+  const std::unique_ptr<Bus> bus = makeDdsBus(bus_options);
+  removeStaleSharedMemory();  // a killed process that this one replaces
+  memory.emplace(options.domain, options.out);
   const SignalledBus signals(*bus);
   const Topics topics(options.mode);
   StatusPublisher publisher(*bus, topics, name, instanceOf(options));
   const std::unique_ptr<Service> service = make(ServiceContext{*bus, options, topics, log});
+  memory->allocate();
   const ExitCode code = runLoop(*bus, *service, options, publisher, *log);
   final_code = static_cast<int>(code) + (code == ExitCode::kStopped ? signalled.load() : 0);
   if (parked) _exit(final_code);

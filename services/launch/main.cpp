@@ -9,12 +9,14 @@
 #include <optional>
 
 #include "bus/domain_claim.h"
+#include "bus/interfaces.h"
 #include "bus/service.h"
 #include "bus/shared_memory.h"
 #include "common/check_options.h"
 #include "launch/console.h"
 #include "launch/plan.h"
 #include "launch/progress.h"
+#include "launch/resources.h"
 #include "options/range_check.h"
 
 namespace {
@@ -102,6 +104,7 @@ int launch(const RunRequest& request) {
   const bus::DomainClaim claim(request.domain, request.host);
   bus::removeStaleSharedMemory();
   launch::checkBeforeStart(request, fleet);
+  const launch::Resources resources(request, fleet);
   services::removeOldTrajectories(fleet, request.out, request.host);
   supervisor::Options options;
   options.duration_s = request.duration_s;
@@ -129,23 +132,25 @@ int main(int argc, char** argv) {
   using omnifleet::bus::ExitCode;
   CLI::App app{"Starts a fleet: one process per service and robot"};
   app.require_subcommand(1);
-  RunRequest request;
+  // One request per command: of two commands with one variable, OMNIFLEET_DOMAIN for the unused command would
+  // replace --domain of the used one.
+  RunRequest request, replay_request;
   auto* run = app.add_subcommand("run", "run the fleet of a fleet file");
   run->add_option("fleet", request.fleet_file, "fleet file")->required();
   run->add_option("--out", request.out, "run directory")->default_val("out/run");
   run->add_flag("--realtime", request.realtime, "run the arena, image folders and videos in real time");
   addCommon(*run, request);
   auto* replay = app.add_subcommand("replay", "replay a recording at full speed, without losing frames");
-  replay->add_option("dataset", request.dataset, "dataset folder")->required();
-  replay->add_option("--out", request.out, "run directory")->required();
-  addCommon(*replay, request);
+  replay->add_option("dataset", replay_request.dataset, "dataset folder")->required();
+  replay->add_option("--out", replay_request.out, "run directory")->required();
+  addCommon(*replay, replay_request);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::kBadOptions);
   }
   try {
-    return launch(request);
+    return launch(run->parsed() ? request : replay_request);
   } catch (const omnifleet::options::Error& error) {
     print(fmt::format("{}\n", error.what()));
     return static_cast<int>(ExitCode::kBadOptions);

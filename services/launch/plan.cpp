@@ -6,7 +6,6 @@
 #include <set>
 
 #include "bus/service.h"
-#include "bus/shared_memory.h"
 #include "camera/source.h"
 #include "common/check_options.h"
 #include "common/fleet_network.h"
@@ -162,22 +161,7 @@ void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
   for (const fleet::CameraSpec& camera : fleet.cameras) {
     if (request.host.empty() || camera.host == request.host) services::checkSource(camera, fleet);
   }
-  std::size_t bytes = 0;
-  const bus::RunMode mode = modeOf(request, fleet) == "live" ? bus::RunMode::kLive : bus::RunMode::kReplay;
-  for (const fleet::CameraSpec& camera : fleet.cameras) {
-    try {
-      bytes += bus::frameChannelBytes(
-          static_cast<std::size_t>(camera.model.image_width_px) * camera.model.image_height_px * 3, mode);
-    } catch (const std::runtime_error& error) {
-      throw options::Error("camera " + camera.id + ": " + error.what());
-    }
-  }
   services::makeOutput(request.out + "/log");
-  try {
-    bus::requireSharedMemory(bytes);
-  } catch (const std::runtime_error& error) {
-    throw options::Error(error.what());
-  }
 }
 
 }  // namespace omnifleet::launch

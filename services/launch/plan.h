@@ -50,8 +50,8 @@ std::vector<std::string> otherHosts(const RunRequest& request, const fleet::Flee
 /// Number of frames of the robot with the most frames.
 ExpectedFrames expectedFrames(const fleet::Fleet& fleet);
 
-/// Throws options::Error before any process starts: checks every option of every service, the shared memory
-/// for the frames, and write access to the run directory.
+/// Throws options::Error before any process starts: checks every option of every service and write access to
+/// the run directory.
 void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet);
 
 }  // namespace omnifleet::launch

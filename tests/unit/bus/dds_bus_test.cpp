@@ -1,24 +1,18 @@
 // Behaviour that only DDS has: saturated writers, other vendors, killed processes, files in shared memory.
 
 #include <gmock/gmock.h>
-#include <filesystem>
-#include <fstream>
 #include <set>
 #include <thread>
 
-#include "bus/shared_memory.h"
 #include "tests/unit/bus/any_bus.h"
 #include "tests/unit/bus/peer_process.h"
 
 namespace omnifleet::bus {
 namespace {
 
-namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-using testing::Ge;
 using testing::HasSubstr;
-using testing::IsSupersetOf;
 using testing::SizeIs;
 using Clock = std::chrono::steady_clock;
 
@@ -195,20 +189,6 @@ TEST(DdsBus, TransfersLargeSamplesInSmallDatagrams) {
   EXPECT_TRUE(got[0] == grid);
 }
 
-std::set<std::string> sharedFrameFiles() {
-  std::set<std::string> names;
-  for (const auto& entry : fs::directory_iterator("/dev/shm")) {
-    const std::string name = entry.path().filename().string();
-    if (name.rfind("fast_datasharing_", 0) == 0) names.insert(name);
-  }
-  return names;
-}
-
-std::set<std::string> without(std::set<std::string> names, const std::set<std::string>& others) {
-  for (const auto& other : others) names.erase(other);
-  return names;
-}
-
 std::optional<FrameView> next(Bus& bus, FrameReader& reader) {
   const auto deadline = Clock::now() + kPatience;
   while (Clock::now() < deadline) {
@@ -298,50 +278,6 @@ TEST(DdsProcesses, HeldFrameStaysReadableAfterCameraEnds) {
   EXPECT_TRUE(isWhole(*view));
   EXPECT_TRUE(reader->stillValid());
   reader->release();
-}
-
-TEST(DdsProcesses, RemovesOnlySharedMemoryOfKilledCamera) {
-  removeStaleSharedMemory();  // files of earlier runs
-  const auto before = sharedFrameFiles();
-  Peer living({"camera", std::to_string(ownDomain()), "0"});
-  const auto with_living = sharedFrameFiles();
-  Peer killed({"camera", std::to_string(ownDomain()), "0"});
-  const auto with_both = sharedFrameFiles();
-  killed.end(SIGKILL);
-  // Other processes may use shared memory at the same time. Only files that appeared between these lines
-  // belong to this test.
-  EXPECT_THAT(without(with_both, with_living), SizeIs(Ge(1u)));
-  const auto removed = removeStaleSharedMemory();
-  EXPECT_THAT(removed, IsSupersetOf(without(with_both, with_living))) << "the files of the killed camera";
-  EXPECT_THAT(sharedFrameFiles(), IsSupersetOf(without(with_living, before)))
-      << "the files of the running camera stay";
-  EXPECT_EQ(living.end(SIGTERM), 0);
-  EXPECT_THAT(without(without(with_living, before), sharedFrameFiles()), SizeIs(Ge(1u)))
-      << "a regular end removes the files";
-}
-
-TEST(SharedMemory, RejectsTooLittleFreeSharedMemory) {
-  EXPECT_NO_THROW(requireSharedMemory(1));
-  EXPECT_THAT([] { requireSharedMemory(std::size_t{1} << 60); },
-              testing::ThrowsMessage<std::runtime_error>(
-                  HasSubstr("MiB free, but the frames of the cameras need 1099511627777 MiB")));
-  // 8 + 2 slots of 12 MiB.
-  EXPECT_GE(frameChannelBytes(5000000, RunMode::kReplay), std::size_t{120} << 20);
-  EXPECT_LT(frameChannelBytes(5000000, RunMode::kReplay), std::size_t{121} << 20);
-}
-
-TEST(SharedMemory, CleaningKeepsOtherNamesAndFilesInUse) {
-  const fs::path folder = fs::path(testing::TempDir()) / ("shm" + std::to_string(::getpid()));
-  fs::create_directories(folder);
-  for (const char* name : {"fast_datasharing_1", "fastrtps_2", "fastrtps_open", "other"})
-    std::ofstream(folder / name) << 1;
-  {
-    std::ifstream open(folder / "fastrtps_open");
-    EXPECT_THAT(removeStaleSharedMemory(folder), testing::ElementsAre("fast_datasharing_1", "fastrtps_2"));
-  }
-  EXPECT_THAT(removeStaleSharedMemory(folder), testing::ElementsAre("fastrtps_open"));
-  EXPECT_TRUE(fs::exists(folder / "other"));
-  fs::remove_all(folder);
 }
 
 }  // namespace

@@ -3,13 +3,9 @@
 #include "bus/interfaces.h"
 
 #include <gmock/gmock.h>
-#include <sched.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <cstdio>
 
 #include "options/options.h"
+#include "tests/unit/bus/in_namespace.h"
 
 namespace omnifleet::bus {
 namespace {
@@ -55,32 +51,12 @@ TEST(NetworkAddresses, HaveLoopbackHere) {
 
 /// A new network namespace has a loopback interface that is down.
 TEST(NetworkAddresses, RefuseLoopbackThatIsDown) {
-  constexpr int kNotPermitted = 77;
-  int pipe_ends[2];
-  ASSERT_EQ(::pipe(pipe_ends), 0);
-  const pid_t child = ::fork();
-  if (child == 0) {
-    if (::unshare(CLONE_NEWNET) != 0) ::_exit(kNotPermitted);
-    try {
-      requireAddresses({"127.0.0.1"});
-    } catch (const options::Error& error) {
-      ::dprintf(pipe_ends[1], "%s", error.what());
-      ::_exit(2);
-    }
-    ::_exit(0);
-  }
-  ::close(pipe_ends[1]);
-  std::string text;
-  char buffer[512];
-  for (ssize_t got = 0; (got = ::read(pipe_ends[0], buffer, sizeof buffer)) > 0;)
-    text.append(buffer, static_cast<std::size_t>(got));
-  ::close(pipe_ends[0]);
-  int status = 0;
-  ASSERT_EQ(::waitpid(child, &status, 0), child);
-  if (WEXITSTATUS(status) == kNotPermitted) GTEST_SKIP() << "network namespaces are not permitted here";
-  EXPECT_EQ(WEXITSTATUS(status), 2);
-  EXPECT_THAT(text, HasSubstr("the loopback interface is down"));
-  EXPECT_THAT(text, HasSubstr("ip link set lo up"));
+  const auto text = inNamespace(CLONE_NEWNET, "", [] {
+    requireAddresses({"127.0.0.1"});
+    return std::string("accepted");
+  });
+  if (!text) GTEST_SKIP() << "network namespaces are not permitted here";
+  EXPECT_THAT(*text, AllOf(HasSubstr("the loopback interface is down"), HasSubstr("ip link set lo up")));
 }
 
 }  // namespace

@@ -8,10 +8,12 @@
 #include <algorithm>
 #include <csignal>
 #include <iostream>
+#include <optional>
 #include <string>
 
 #include "bus/dds_bus.h"
 #include "bus/service_runner.h"
+#include "bus/shared_memory.h"
 #include "options/options.h"
 
 namespace omnifleet::bus {
@@ -29,7 +31,9 @@ int runCamera(int domain, std::uint32_t count) {
   DdsBusOptions options;
   options.domain = domain;
   options.mode = RunMode::kLockstep;
+  std::optional<SharedMemoryOwner> memory;
   const auto bus = makeDdsBus(options);
+  memory.emplace(domain, "");
   FrameHeader header;
   header.width_px = 640;
   header.height_px = 480;

@@ -23,7 +23,10 @@ class Peer {
   }
   /// Use with start(): does not wait until the peer is ready.
   Peer() = default;
-  void start(std::vector<std::string> arguments) {
+  /// @param wrapper program and arguments that run the peer, e.g. unshare
+  void start(std::vector<std::string> arguments, std::vector<std::string> wrapper = {}) {
+    arguments.insert(arguments.begin(), OMNIFLEET_BUS_PEER);
+    arguments.insert(arguments.begin(), wrapper.begin(), wrapper.end());
     int ends[2];
     if (::pipe2(ends, O_CLOEXEC) != 0) throw std::runtime_error("no pipe");
     pid_ = ::fork();
@@ -45,6 +48,7 @@ class Peer {
     while (::read(output_, &c, 1) == 1 && c != '\n') text += c;
     return text;
   }
+  pid_t pid() const { return pid_; }
   void signal(int number) const { ::kill(pid_, number); }
   /// Whether every thread waits in the kernel, so none can hold a lock in shared memory that is held only for
   /// a few instructions.
@@ -73,11 +77,10 @@ class Peer {
  private:
   [[noreturn]] static void run(std::vector<std::string> arguments, int output) {
     ::dup2(output, STDOUT_FILENO);
-    arguments.insert(arguments.begin(), OMNIFLEET_BUS_PEER);
     std::vector<char*> argv;
     for (auto& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
-    ::execv(argv[0], argv.data());
+    ::execvp(argv[0], argv.data());
     ::_exit(127);
   }
   pid_t pid_ = 0;
