@@ -3,5 +3,5 @@
 # usage: scripts/calibrate.sh IMAGES_DIR --board COLSxROWS --square-m S --out sensor.yaml
 #        [--projection kannala_brandt|ocam|equidistant|equisolid|stereographic|orthographic|pinhole]
 #        [--match PATTERN] [--fov-deg DEG] [--max-rms-px PX]
-. "$(dirname "$0")/common.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/common.sh"
 run omnifleet_calibrate "$@"

@@ -3,5 +3,5 @@
 # usage: scripts/command.sh FLEET.yaml [--behaviour formation|boundary_following|exploration] [--boundary M]
 #        [--shape line|column|wedge|triangle] [--distance M] [--angle RAD]
 #        [--waypoints X,Y …] [--halt] [--wait S]
-. "$(dirname "$0")/common.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/common.sh"
 run omnifleet_command "$@"

@@ -1,6 +1,6 @@
 # Sourced by the other scripts; not a program.
 set -euo pipefail
-root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+root="$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/.." && pwd)"
 build="${OMNIFLEET_BUILD_DIR:-$root/build/release}"
 bin="$build/bin"
 

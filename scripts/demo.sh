@@ -6,7 +6,7 @@
 #        explore: the same robots explore that arena by themselves until nothing reachable is unknown;
 #        fernandez: 200 images along a loop of one robot, recorded with the independent renderer (tests/raycast); topological
 #        maps with wheels, by the images alone, and as printed in Fernández et al. 2011
-. "$(dirname "$0")/common.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/common.sh"
 
 scene=demo out=
 realtime=()

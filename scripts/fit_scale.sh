@@ -4,5 +4,5 @@
 # --overlay writes an overlay that gives the fit to the method of config/papers/ahmed.yaml.
 # usage: scripts/fit_scale.sh PAIRS.csv --out scale.yaml [--overlay FILE --metres-per-ceiling-px M] [--plot alpha.png]
 #        [--degree N] [--at PX ...]
-. "$(dirname "$0")/common.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/common.sh"
 run omnifleet_fit_scale "$@"

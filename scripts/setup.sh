@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs missing Debian packages and builds the release. Idempotent.
 # usage: scripts/setup.sh [--no-install] [--with-tests]
-. "$(dirname "$0")/common.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/common.sh"
 
 install=1
 targets=(programs)

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs and builds everything, runs all tests, prints the summary of ctest and the skipped tests.
 # usage: scripts/test.sh [ctest options]; slow studies run only on request: scripts/test.sh -L slow
-. "$(dirname "$0")/common.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/common.sh"
 
 usage() { sed -n '2,3p' "$0" | cut -c3-; }
 # ctest ignores unknown options and stray words without a message.

@@ -8,7 +8,7 @@
 # usage: scripts/experiments/ahmed.sh [--seeds A-B] [--out DIR] [--quick] [--jobs N]
 #        defaults: --seeds 1000-1009, --out out/ahmed_experiment, --jobs 1 (each seed uses all cores); --quick: only the
 #        first two seeds, 25 s each. OMNIFLEET_SKIP_BUILD=1 uses the programs as they are.
-. "$(dirname "$0")/seeds.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/seeds.sh"
 
 out="$root/out/ahmed_experiment" first=1000 last=1009 jobs=1 quick_seeds=2 default_domain=60
 read_options '--seeds|--out|--quick|--jobs' "$@"

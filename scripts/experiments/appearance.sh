@@ -12,7 +12,7 @@
 # A row: share of all frames with a valid pose; mean and maximum error of the paths; mean error of the headings; NEES (3
 # if consistent); shape difference of the topological map (Fernandez et al. 2011 IV.B) and its number of nodes, of the worst
 # robot each.
-. "$(dirname "$0")/seeds.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/seeds.sh"
 
 out="$root/out/appearance" first=1000 last=1007 jobs=1 quick_seeds=4 default_domain=120
 read_options '--seeds|--out|--quick|--jobs' "$@"

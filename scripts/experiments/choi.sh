@@ -5,7 +5,7 @@
 # usage: scripts/experiments/choi.sh [--seeds A-B] [--out DIR] [--quick] [--jobs N]
 #        defaults: --seeds 1000-1019, --out out/choi, --jobs one per core; --quick: only the first three seeds.
 #        OMNIFLEET_SKIP_BUILD=1 uses the programs as they are.
-. "$(dirname "$0")/seeds.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/seeds.sh"
 
 out="$root/out/choi" first=1000 last=1019 jobs="$(nproc)" quick_seeds=3 most_jobs=9999
 read_options '--seeds|--out|--quick|--jobs' "$@"

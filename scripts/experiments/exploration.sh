@@ -7,7 +7,7 @@
 #        defaults: --seeds 1000-1019, --out out/exploration. OUT/seed_N/fleet.yaml is the fleet of seed N,
 #        OUT/seed_N/run its map, OUT/seed_N/run/missing.png the reachable floor that is unknown (red).
 #        OMNIFLEET_SKIP_BUILD=1 uses the programs as they are.
-. "$(dirname "$0")/seeds.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/seeds.sh"
 
 out="$root/out/exploration" first=1000 last=1019
 read_options '--seeds|--out' "$@"

@@ -9,7 +9,7 @@
 # usage: scripts/experiments/fernandez.sh [--seeds A-B] [--out DIR] [--quick] [--jobs N]
 #        defaults: --seeds 1000-1009, --out out/fernandez_experiment, --jobs 1 (each seed uses all cores); --quick: only the
 #        first seed. OMNIFLEET_SKIP_BUILD=1 uses the programs as they are.
-. "$(dirname "$0")/seeds.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/seeds.sh"
 
 out="$root/out/fernandez_experiment" first=1000 last=1009 jobs=1 quick_seeds=1 default_domain=100
 read_options '--seeds|--out|--quick|--jobs' "$@"

@@ -11,7 +11,7 @@
 # common map, in another room, or in the same room with a mean error above 5 cm or 1.5 degrees), LEAK (another room, not
 # matched, but r2 observed an object of the common map); time of the match as a share of the run; mean errors of r2's
 # poses from then on; score of the match; share of r2's frames within 0.8 m of r1's path.
-. "$(dirname "$0")/seeds.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/seeds.sh"
 
 out="$root/out/pairs" first=1000 last=1099 jobs=1 width=640 quick_seeds=4
 read_options '--seeds|--out|--quick|--jobs|--width' "$@"

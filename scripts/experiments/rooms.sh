@@ -6,7 +6,7 @@
 # usage: scripts/experiments/rooms.sh [--seeds A-B] [--out DIR] [--quick] [--jobs N] [--width PIXELS]
 #        defaults: --seeds 1000-1019, --out out/rooms, --jobs 1 (each seed uses all cores), --width 640; --quick: only
 #        the first three seeds. OMNIFLEET_SKIP_BUILD=1 uses the programs as they are.
-. "$(dirname "$0")/seeds.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/seeds.sh"
 
 out="$root/out/rooms" first=1000 last=1019 jobs=1 width=640 quick_seeds=3
 read_options '--seeds|--out|--quick|--jobs|--width' "$@"

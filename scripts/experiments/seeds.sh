@@ -7,7 +7,7 @@
 # It may redefine show_failure. With rows (write_row, write_table) it also defines
 #   layout          aligns the columns of tab-separated rows
 #   summary         prints the totals of tab-separated rows
-. "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
+. "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/../common.sh"
 
 script="${0##*/}"
 most_jobs=40       # upper limit of --jobs
