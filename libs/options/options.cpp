@@ -2,8 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <map>
 #include <system_error>
@@ -49,6 +54,16 @@ YAML::Node lookUp(const YAML::Node& node, const std::string& key) {
   return YAML::Node(YAML::NodeType::Undefined);
 }
 
+/// Why a file cannot be read, in the words of the operating system.
+std::string readProblem(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return std::strerror(EISDIR);
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return std::strerror(errno);
+  ::close(file);
+  return "read error";
+}
+
 std::string shown(double value) {
   return fmt::format("{:g}", value);
 }
@@ -70,7 +85,7 @@ Section Section::load(const std::string& path) {
     section.layers_.push_back({loadMapping(YAML::LoadFile(path), path), path});
     rejectDuplicateKeys(section.layers_.back().node, path);
   } catch (const YAML::BadFile&) {
-    throw Error(fmt::format("{}: cannot be read (does the file exist?)", path));
+    throw Error(fmt::format("{}: cannot be read: {}", path, readProblem(path)));
   } catch (const YAML::ParserException& error) {
     throw Error(fmt::format("{}:{}: not valid YAML: {}", path, error.mark.line + 1, error.msg));
   }
@@ -244,6 +259,9 @@ Section Section::child(const std::string& key) const {
     if (!node.IsDefined()) continue;
     section.layers_.push_back({loadMapping(node, layer.file), layer.file});
   }
+  // An absent mapping keeps the file for messages.
+  if (section.layers_.empty() && !layers_.empty())
+    section.layers_.push_back({YAML::Node(YAML::NodeType::Map), layers_.front().file});
   return section;
 }
 
@@ -267,6 +285,9 @@ std::vector<std::string> Section::keys() const {
   for (const Layer& layer : layers_) {
     for (const auto& entry : layer.node) {
       const std::string key = entry.first.Scalar();
+      if (key.empty())
+        throw Error(fmt::format("{}: {}: the name of an entry is empty; write NAME: before its values",
+                                place(entry.second, layer.file), path_.empty() ? "the file" : path_));
       if (std::find(names.begin(), names.end(), key) == names.end()) names.push_back(key);
       known_->insert(key);
     }

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <fstream>
 #include <functional>
 
@@ -161,6 +164,29 @@ TEST(Section, RejectsFileThatIsNoMapping) {
   std::ofstream(folder / "bad.yaml") << "a: 1\nb: [1, 2\nc: 3\n";
   EXPECT_THAT(failure([&] { Section::load(folder / "bad.yaml"); }),
               AllOf(HasSubstr("bad.yaml:"), HasSubstr("not valid YAML")));
+}
+
+TEST(Section, SaysWhyFileCannotBeRead) {
+  EXPECT_THAT(failure([] { Section::load("/no/such/file.yaml"); }),
+              AllOf(StartsWith("/no/such/file.yaml: "), HasSubstr("No such file or directory")));
+  EXPECT_THAT(failure([] { Section::load("/"); }), HasSubstr("Is a directory"));
+  if (::geteuid() == 0) GTEST_SKIP() << "root may read every file";
+  const std::string path = ::testing::TempDir() + "unreadable.yaml";
+  std::ofstream(path) << "a: 1\n";
+  ASSERT_EQ(::chmod(path.c_str(), 0), 0);
+  EXPECT_THAT(failure([&] { Section::load(path); }), HasSubstr("Permission denied"));
+  ::unlink(path.c_str());
+}
+
+TEST(Section, NamesFileOfEmptyName) {
+  for (const char* key : {"~", "\"\"", "? "}) {
+    const Section s = parse(std::string("robots:\n  ") + key + ": {height_m: 1}\n").child("robots");
+    EXPECT_THAT(failure([&] { s.keys(); }), AllOf(StartsWith("f.yaml:2: robots: "), HasSubstr("empty")))
+        << key;
+  }
+  double value = 0.0;
+  EXPECT_THAT(failure([&] { parse("a: 1\n").child("robots").child("r1").require("height_m", value); }),
+              StartsWith("f.yaml: robots.r1.height_m: "));
 }
 
 }  // namespace
