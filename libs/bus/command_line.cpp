@@ -2,6 +2,7 @@
 #include <iostream>
 
 #include "bus/service_runner.h"
+#include "options/range_check.h"
 
 namespace omnifleet::bus {
 namespace {
@@ -16,7 +17,7 @@ void addCommonOptions(CLI::App& app, ServiceOptions& options, int& silence_limit
   app.add_option("--mode", options.mode, "live, replay or lockstep")
       ->transform(CLI::CheckedTransformer(modes).description("{live,replay,lockstep}"));
   app.add_option("--dataset", options.dataset, "dataset folder to read");
-  app.add_option("--out", options.out, "run directory to write");
+  app.add_option("--out", options.out, "run directory to write")->check(options::notEmpty());
   app.add_option("--config", options.configs, "YAML on top of the fleet file; repeatable")
       ->allow_extra_args(false);
   app.add_option("--domain", options.domain, "DDS domain")

@@ -8,6 +8,7 @@
 #include <csignal>
 
 #include "bus/dds_bus.h"
+#include "bus/dds_log.h"
 #include "bus/interfaces.h"
 #include "bus/shared_memory.h"
 #include "options/options.h"
@@ -163,6 +164,7 @@ int runService(int argc, char** argv, const std::string& name, const ServiceFact
   ServiceOptions options;
   if (const auto code = parseCommandLine(argc, argv, name, extend, options)) return static_cast<int>(*code);
   const auto log = makeLogger(name, options);
+  redirectDdsLog([log](const std::string& line) { log->warn("{}", line); });
   try {
     return runOnDds(name, options, make, log);
   } catch (const options::Error& problem) {

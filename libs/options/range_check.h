@@ -22,4 +22,12 @@ inline CLI::Validator within(Range allowed) {
           "FLOAT in " + bounds};
 }
 
+/// Validator of a command line option: not "", which as a folder would be the root of the file system.
+inline CLI::Validator notEmpty() {
+  return {[](std::string& text) {
+            return text.empty() ? std::string("the value is empty; give a path") : std::string();
+          },
+          ""};
+}
+
 }  // namespace omnifleet::options

@@ -24,7 +24,9 @@ int main(int argc, char** argv) {
   app.add_option("--square-m", square_m, "side of a square, metres")
       ->check(omnifleet::options::within({1e-4, 100.0}))
       ->required();
-  app.add_option("--out", options.out, "sensor.yaml to write")->required();
+  app.add_option("--out", options.out, "sensor.yaml to write")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--projection", projection,
                  "orthographic, equidistant, equisolid, stereographic, kannala_brandt, ocam or pinhole")
       ->default_val(projection);

@@ -20,7 +20,9 @@ int main(int argc, char** argv) {
   omnifleet::fit_scale::Options options;
   int degree = -1;
   app.add_option("PAIRS", options.pairs, "CSV file: d_robot_px,d_ceiling_px")->required();
-  app.add_option("--out", options.out, "scale.yaml to write")->required();
+  app.add_option("--out", options.out, "scale.yaml to write")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--plot", options.plot, "picture of alpha over d_r (.png), the paper's Fig. 3b");
   app.add_option("--overlay", options.overlay,
                  "overlay to write: gives the fit to the method of config/papers/ahmed.yaml");

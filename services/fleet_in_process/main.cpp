@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "fleet_in_process/in_process.h"
+#include "options/range_check.h"
 
 int main(int argc, char** argv) {
   CLI::App app{"Runs a whole fleet in one process, with a recording or an arena"};
@@ -11,7 +12,7 @@ int main(int argc, char** argv) {
   auto* dataset = app.add_option("--dataset", run.dataset, "recording to replay");
   app.add_option("--fleet", run.fleet_file, "fleet file")->excludes(dataset);
   app.add_option("--config", run.overlays, "YAML on top of the fleet file; repeatable");
-  app.add_option("--out", run.out, "run directory")->required();
+  app.add_option("--out", run.out, "run directory")->required()->check(omnifleet::options::notEmpty());
   app.add_option("--log-level", run.log_level, "trace, debug, info, warn, error");
   try {
     app.parse(argc, argv);

@@ -8,11 +8,12 @@
 #include <map>
 #include <optional>
 
+#include "bus/dds_log.h"
 #include "bus/domain_claim.h"
-#include "bus/interfaces.h"
 #include "bus/service.h"
 #include "bus/shared_memory.h"
 #include "common/check_options.h"
+#include "common/foreign_log.h"
 #include "launch/console.h"
 #include "launch/plan.h"
 #include "launch/progress.h"
@@ -23,6 +24,7 @@ namespace {
 
 using omnifleet::launch::print;
 using omnifleet::launch::RunRequest;
+using omnifleet::options::notEmpty;
 using omnifleet::options::within;
 
 // s, live: the stages behind the sources need some seconds for the last frames, outlines and files; twice the
@@ -137,13 +139,16 @@ int main(int argc, char** argv) {
   RunRequest request, replay_request;
   auto* run = app.add_subcommand("run", "run the fleet of a fleet file");
   run->add_option("fleet", request.fleet_file, "fleet file")->required();
-  run->add_option("--out", request.out, "run directory")->default_val("out/run");
+  run->add_option("--out", request.out, "run directory")->default_val("out/run")->check(notEmpty());
   run->add_flag("--realtime", request.realtime, "run the arena, image folders and videos in real time");
   addCommon(*run, request);
   auto* replay = app.add_subcommand("replay", "replay a recording at full speed, without losing frames");
   replay->add_option("dataset", replay_request.dataset, "dataset folder")->required();
-  replay->add_option("--out", replay_request.out, "run directory")->required();
+  replay->add_option("--out", replay_request.out, "run directory")->required()->check(notEmpty());
   addCommon(*replay, replay_request);
+  omnifleet::services::silenceImageLibraries();
+  omnifleet::bus::redirectDdsLog(
+      [](const std::string& line) { std::fprintf(stderr, "launch: %s\n", line.c_str()); });
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -9,6 +9,7 @@
 
 #include "dataset/atomic_file.h"
 #include "markers/markers_run.h"
+#include "options/range_check.h"
 
 namespace {
 
@@ -123,7 +124,9 @@ int main(int argc, char** argv) {
       "distinguished.");
   Arguments arguments;
   app.add_option("IMAGE", arguments.image, "image of the ceiling camera")->required();
-  app.add_option("--out", arguments.out, "markers.yaml to write")->required();
+  app.add_option("--out", arguments.out, "markers.yaml to write")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--picture", arguments.picture, "picture of the picked regions (default: OUT.png)");
   addPicks(app, arguments);
   addGeometry(app, arguments);

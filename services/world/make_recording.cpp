@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "options/range_check.h"
 #include "synthetic/randomised.h"
 #include "world/recording.h"
 
@@ -31,7 +32,7 @@ int main(int argc, char** argv) {
   std::string arena, out;
   bool random = false, no_ceiling = false, quiet = false, force = false;
   app.add_option("ARENA", arena, "arena file (config/arenas)")->required();
-  app.add_option("--out", out, "dataset folder to create")->required();
+  app.add_option("--out", out, "dataset folder to create")->required()->check(omnifleet::options::notEmpty());
   app.add_option("--seed", options.seed,
                  "seed of wheels, textures and noise; with --random of the whole scene")
       ->default_val(1);
