@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <chrono>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -59,9 +61,12 @@ class Inlet {
         status.report(sampleRejected(merger_.spec(stream_).name));
       }
       if (validity == Validity::kRejected) continue;
-      if (!merger_.push(stream_, sample_.header().acquired_ns(), std::move(payload))) {
+      const TimeNs time = sample_.header().acquired_ns();
+      if (merger_.push(stream_, time, std::move(payload))) {
+        remember(time);
+      } else {
         status.dropped();
-        status.report(sampleOutOfOrder(merger_.spec(stream_).name));
+        if (!isRepeated(time)) status.report(sampleOutOfOrder(merger_.spec(stream_).name));
       }
       if (last_ns_ == RunEnds::kNothing) first_ns_ = sample_.header().acquired_ns();
       last_ns_ = std::max(last_ns_, sample_.header().acquired_ns());
@@ -82,6 +87,20 @@ class Inlet {
   const bus::Reader<Wire>& reader() const { return *reader_; }
 
  private:
+  void remember(TimeNs time) {
+    constexpr std::size_t kRemembered = 64;
+    accepted_.push_back(time);
+    if (accepted_.size() > kRemembered) accepted_.pop_front();
+  }
+  /// A restarted publisher repeats the last frames of its previous incarnation once, which is no fault. A
+  /// clock that stands still repeats a time again and again.
+  bool isRepeated(TimeNs time) {
+    const auto at = std::find(accepted_.begin(), accepted_.end(), time);
+    if (at == accepted_.end()) return false;
+    accepted_.erase(at);
+    return true;
+  }
+
   std::unique_ptr<bus::Reader<Wire>> reader_;
   bus::TimeMerger<Payload>& merger_;
   int stream_ = -1;
@@ -89,6 +108,7 @@ class Inlet {
   TimeNs last_ns_ = RunEnds::kNothing;
   std::optional<TimeNs> end_ns_;
   Wire sample_;
+  std::deque<TimeNs> accepted_;  ///< times of the latest samples that were not repeated yet
 };
 
 /// The writer of one output stream and its sample count for run/end.

@@ -1,0 +1,70 @@
+// Which samples that come too late are a fault.
+
+#include "common/inlet.h"
+
+#include <gmock/gmock.h>
+
+#include "bus/topics.h"
+#include "tests/unit/services/on_fake_bus/stage_bench.h"
+
+namespace omnifleet::services {
+namespace {
+
+class PoseInlet : public testing::Test {
+ protected:
+  PoseInlet()
+      : network_(bus::makeFakeNetwork()),
+        sender_(bus::makeFakeBus(network_, {bus::RunMode::kLive})),
+        receiver_(bus::makeFakeBus(network_, {bus::RunMode::kLive})),
+        writer_(sender_->writer(topics_.pose)),
+        ends_({*receiver_, options_, topics_,
+               std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::null_sink_st>())}),
+        inlet_(receiver_->reader(topics_.pose), merger_, ends_,
+               {"pose r1", "r1", 0, bus::StreamRole::kInput, bus::StreamMode::kLive, true}) {}
+
+  /// Messages that a sample of this time causes.
+  std::vector<Message> messagesAt(TimeNs time_ns) {
+    v1::Pose pose;
+    pose.robot("r1");
+    pose.header().acquired_ns(time_ns);
+    EXPECT_TRUE(writer_->write(pose));
+    inlet_.pull(status_, [](const v1::Pose&, int&) { return true; });
+    bus::TimeMerger<int>::Batch batch;
+    while (merger_.nextBatch(batch)) {
+    }
+    return status_.takeMessages();
+  }
+
+  bool isFault(TimeNs time_ns) {
+    status_.clearError();
+    messagesAt(time_ns);
+    return status_.snapshot(bus::StatusBoard::Clock::now()).last_error.code == ErrorCode::kSampleOutOfOrder;
+  }
+
+  bus::ServiceOptions options_;
+  bus::Topics topics_{bus::RunMode::kLive};
+  std::shared_ptr<bus::FakeNetwork> network_;
+  std::unique_ptr<bus::Bus> sender_, receiver_;
+  std::unique_ptr<bus::Writer<v1::Pose>> writer_;
+  bus::TimeMerger<int> merger_;
+  bus::StatusBoard status_;
+  RunEnds ends_;
+  Inlet<v1::Pose, int> inlet_;
+};
+
+TEST_F(PoseInlet, IgnoresFramesThatRestartedPublisherRepeats) {
+  for (const TimeNs time : {10, 20, 30, 40}) EXPECT_THAT(messagesAt(time), testing::IsEmpty());
+  for (const TimeNs time : {30, 40, 50}) EXPECT_THAT(messagesAt(time), testing::IsEmpty()) << time;
+  EXPECT_EQ(status_.snapshot(bus::StatusBoard::Clock::now()).drops, 2u);
+}
+
+TEST_F(PoseInlet, ReportsClockThatIsSetBackOrStandsStill) {
+  for (const TimeNs time : {10, 20, 30, 40}) messagesAt(time);
+  EXPECT_TRUE(isFault(25)) << "a time that no frame had";
+  EXPECT_FALSE(isFault(40)) << "once";
+  EXPECT_TRUE(isFault(40));
+  EXPECT_FALSE(isFault(50));
+}
+
+}  // namespace
+}  // namespace omnifleet::services
