@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -107,6 +108,18 @@ std::vector<std::string> sharedMemoryFiles() {
     if (name.rfind("fast", 0) == 0 || name.rfind("sem.fast", 0) == 0) names.push_back(name);
   }
   std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::vector<std::string> sharedMemoryFilesOf(pid_t pid) {
+  // fast_datasharing_ + vendor, host (2 bytes each), low two bytes of the process number, …
+  char number[8];
+  std::snprintf(number, sizeof number, ".%02x.%02x.", pid & 255, (pid >> 8) & 255);
+  constexpr std::size_t kAt = sizeof "fast_datasharing_01.0f.78.fd" - 1;
+  std::vector<std::string> names;
+  for (const std::string& name : sharedMemoryFiles()) {
+    if (name.rfind("fast_datasharing_", 0) == 0 && name.compare(kAt, 7, number) == 0) names.push_back(name);
+  }
   return names;
 }
 

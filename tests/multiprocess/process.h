@@ -37,6 +37,9 @@ std::string program(const std::string& name);      ///< bin/omnifleet_<name>
 std::string testProgram(const std::string& name);  ///< in the folder of this test
 std::string freshDir(const std::string& name);     ///< empty folder below the test output of the build
 std::vector<std::string> sharedMemoryFiles();      ///< DDS files in /dev/shm
+/// DDS files of frames that this process made, while it runs or after its end. Other fleets may run on the
+/// machine.
+std::vector<std::string> sharedMemoryFilesOf(pid_t pid);
 bool alive(pid_t pid);
 std::string fileText(const std::string& path);  ///< empty when the file does not exist
 std::string testDataDir();                      ///< external data; empty when not on this machine
