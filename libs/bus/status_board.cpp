@@ -58,10 +58,14 @@ void StatusBoard::dropped(std::uint64_t count) {
   drops_ += count;
 }
 
-void StatusBoard::report(Message message, bool degrades) {
+void StatusBoard::update(Message message, bool degrades) {
   changed_ = changed_ || message != last_error_ || degrades != degraded_;
   last_error_ = std::move(message);
   degraded_ = degrades;
+}
+
+void StatusBoard::report(Message message, bool degrades) {
+  update(std::move(message), degrades);
   if (last_error_ == last_message_) return;
   last_message_ = last_error_;
   if (messages_.size() < kMessagesKept) {

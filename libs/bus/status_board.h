@@ -37,6 +37,8 @@ class StatusBoard {
   /// Reports a problem. It stays in the status until the next one or clearError(). With `degrades` the state
   /// is kDegraded until clearError().
   void report(Message message, bool degrades = false);
+  /// Like report(), but without a line in the log: a reported problem that lasts, with its growing duration.
+  void update(Message message, bool degrades = false);
   void clearError();
   /// All messages for the log since the last call, oldest first, without repetitions. At most 64; a last one
   /// counts the rest.

@@ -3,12 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <opencv2/videoio/registry.hpp>
+#include <utility>
 
 namespace omnifleet::dataset {
 namespace {
@@ -53,9 +54,102 @@ class FileSource : public FrameSource {
   std::vector<unsigned char> buffer_;
 };
 
-/// Copies a captured BGR or grey frame into the caller's image.
-FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::Mat& image,
-                   std::string& fault) {
+/// The one suitable backend, if OpenCV has it. Trying all of them takes seconds, and plugins of GStreamer
+/// leak memory.
+int backend(cv::VideoCaptureAPIs api) {
+  return cv::videoio_registry::hasBackend(api) ? api : cv::CAP_ANY;
+}
+
+/// Times of the frames of a video: those of its container, which may have any distance from each other. From
+/// the first time that does not follow its predecessor on, the average rate counts.
+class VideoTimes {
+ public:
+  VideoTimes(TimeNs start_ns, double fps) : time_ns_(start_ns), period_ns_(std::llround(1e9 / fps)) {}
+
+  /// @param container_ms time of the frame in the container
+  TimeNs next(double container_ms) {
+    if (!any_) {
+      any_ = true;
+      offset_ns_ = time_ns_ - nanoseconds(container_ms);
+      return time_ns_;
+    }
+    const TimeNs stated_ns = offset_ns_ + nanoseconds(container_ms);
+    is_average_ = is_average_ || stated_ns <= time_ns_;
+    time_ns_ = is_average_ ? time_ns_ + period_ns_ : stated_ns;
+    return time_ns_;
+  }
+  bool isAverage() const { return is_average_; }
+
+ private:
+  static TimeNs nanoseconds(double ms) { return static_cast<TimeNs>(std::llround(ms * 1e6)); }
+
+  TimeNs time_ns_;  ///< of the latest frame
+  TimeNs period_ns_, offset_ns_ = 0;
+  bool any_ = false, is_average_ = false;
+};
+
+class VideoSource : public FrameSource {
+ public:
+  VideoSource(const std::string& path, Colour colour, FrameSize size, TimeNs start_ns, double fallback_fps)
+      : path_(path), colour_(colour), size_(size) {
+    if (!fs::is_regular_file(path)) throw options::Error(path + ": no such video file");
+    if (!capture_.open(path, backend(cv::CAP_FFMPEG)) || !capture_.read(captured_))
+      throw options::Error(path + ": cannot be opened as a video");
+    const double fps = capture_.get(cv::CAP_PROP_FPS), count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
+    fps_ = fps > 0.0 && fps < 1e5 ? fps : fallback_fps;
+    times_ = VideoTimes(start_ns, fps_);
+    count_ = count > 0.0 && count < 1e9 ? static_cast<std::size_t>(count) : 0;
+  }
+
+  bool next(cv::Mat& image, FrameInfo& info) override {
+    if (sequence_ > 0 && !capture_.read(captured_)) return false;  // the constructor reads the first frame
+    info.sequence = sequence_++;
+    info.time_ns = times_.next(capture_.get(cv::CAP_PROP_POS_MSEC));
+    info.fault.clear();
+    info.state = copyFrame(captured_, colour_, size_, image, info.fault);
+    if (!info.fault.empty()) info.where = fmt::format("{}: frame {}", path_, info.sequence);
+    if (times_.isAverage() && !was_average_) notice_ = averageNotice(info.sequence);
+    was_average_ = times_.isAverage();
+    return true;
+  }
+
+  std::size_t size() const override { return count_; }
+  std::string takeNotice() override { return std::exchange(notice_, {}); }
+
+ private:
+  std::string averageNotice(std::uint32_t frame) const {
+    return fmt::format(
+        "{}: frame {} has no time after that of the frame before it; from here on the frames are "
+        "{:.1f} ms apart, the average of the file. Check the file, or convert it to a constant rate",
+        path_, frame, 1e3 / fps_);
+  }
+
+  std::string path_;
+  Colour colour_;
+  FrameSize size_;
+  double fps_ = 30.0;
+  VideoTimes times_{0, 30.0};
+  bool was_average_ = false;
+  std::string notice_;
+  std::size_t count_ = 0;
+  std::uint32_t sequence_ = 0;
+  cv::VideoCapture capture_;
+  cv::Mat captured_;
+};
+
+bool isImageName(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  static const std::vector<std::string> kKnown{".png", ".jpg",  ".jpeg", ".bmp",
+                                               ".tif", ".tiff", ".pgm",  ".ppm"};
+  return std::find(kKnown.begin(), kKnown.end(), extension) != kKnown.end();
+}
+
+}  // namespace
+
+FrameState copyFrame(const cv::Mat& captured, Colour colour, FrameSize& size, cv::Mat& image,
+                     std::string& fault) {
   if (captured.empty()) {
     fault = "the frame has no pixels";
     return FrameState::kEmpty;
@@ -82,108 +176,6 @@ FrameState deliver(const cv::Mat& captured, Colour colour, FrameSize& size, cv::
   }
   return FrameState::kOk;
 }
-
-/// The one suitable backend, if OpenCV has it. Trying all of them takes seconds, and plugins of GStreamer
-/// leak memory.
-int backend(cv::VideoCaptureAPIs api) {
-  return cv::videoio_registry::hasBackend(api) ? api : cv::CAP_ANY;
-}
-
-class VideoSource : public FrameSource {
- public:
-  VideoSource(const std::string& path, Colour colour, FrameSize size, TimeNs start_ns, double fallback_fps)
-      : path_(path), colour_(colour), size_(size), start_ns_(start_ns) {
-    if (!fs::is_regular_file(path)) throw options::Error(path + ": no such video file");
-    if (!capture_.open(path, backend(cv::CAP_FFMPEG)) || !capture_.read(captured_))
-      throw options::Error(path + ": cannot be opened as a video");
-    const double fps = capture_.get(cv::CAP_PROP_FPS), count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
-    fps_ = fps > 0.0 && fps < 1e5 ? fps : fallback_fps;
-    count_ = count > 0.0 && count < 1e9 ? static_cast<std::size_t>(count) : 0;
-  }
-
-  bool next(cv::Mat& image, FrameInfo& info) override {
-    if (sequence_ > 0 && !capture_.read(captured_)) return false;  // the constructor reads the first frame
-    info.sequence = sequence_++;
-    info.time_ns = start_ns_ + static_cast<TimeNs>(std::llround(info.sequence * 1e9 / fps_));
-    info.fault.clear();
-    info.state = deliver(captured_, colour_, size_, image, info.fault);
-    if (!info.fault.empty()) info.where = fmt::format("{}: frame {}", path_, info.sequence);
-    return true;
-  }
-
-  std::size_t size() const override { return count_; }
-
- private:
-  std::string path_;
-  Colour colour_;
-  FrameSize size_;
-  TimeNs start_ns_;
-  double fps_ = 30.0;
-  std::size_t count_ = 0;
-  std::uint32_t sequence_ = 0;
-  cv::VideoCapture capture_;
-  cv::Mat captured_;
-};
-
-class DeviceSource : public FrameSource {
- public:
-  DeviceSource(const std::string& device, Colour colour, FrameSize size)
-      : device_(device), colour_(colour), size_(size) {
-    const bool number =
-        !device.empty() && device.size() < 4 && device.find_first_not_of("0123456789") == std::string::npos;
-    const bool local = number || device.rfind("/dev/", 0) == 0;
-    const int api = local ? backend(cv::CAP_V4L2) : static_cast<int>(cv::CAP_ANY);
-    const bool opened = number ? capture_.open(std::stoi(device), api) : capture_.open(device, api);
-    if (!opened)
-      throw options::Error(device + ": this camera device cannot be opened (is it connected and readable?)");
-    if (size.width_px > 0) {
-      capture_.set(cv::CAP_PROP_FRAME_WIDTH, size.width_px);
-      capture_.set(cv::CAP_PROP_FRAME_HEIGHT, size.height_px);
-    }
-  }
-
-  bool next(cv::Mat& image, FrameInfo& info) override {
-    const bool arrived = capture_.read(captured_);
-    const auto now = std::chrono::system_clock::now().time_since_epoch();
-    info.time_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
-    info.sequence = sequence_++;
-    info.where = device_;
-    info.fault.clear();
-    missing_ = arrived ? 0 : missing_ + 1;
-    if (missing_ > kGiveUpAfter) return false;
-    if (!arrived) {
-      info.state = FrameState::kMissing;
-      info.fault = "the device returned no frame";
-      return true;
-    }
-    info.state = deliver(captured_, colour_, size_, image, info.fault);
-    return true;
-  }
-
-  std::size_t size() const override { return 0; }
-
- private:
-  static constexpr int kGiveUpAfter = 50;
-
-  std::string device_;
-  Colour colour_;
-  FrameSize size_;
-  int missing_ = 0;
-  std::uint32_t sequence_ = 0;
-  cv::VideoCapture capture_;
-  cv::Mat captured_;
-};
-
-bool isImageName(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  static const std::vector<std::string> kKnown{".png", ".jpg",  ".jpeg", ".bmp",
-                                               ".tif", ".tiff", ".pgm",  ".ppm"};
-  return std::find(kKnown.begin(), kKnown.end(), extension) != kKnown.end();
-}
-
-}  // namespace
 
 std::unique_ptr<FrameSource> openStream(const ImageStream& stream, Colour colour) {
   const FrameSize size{stream.camera.image_width_px, stream.camera.image_height_px};
@@ -214,10 +206,6 @@ std::unique_ptr<FrameSource> openFolder(const std::string& folder, Colour colour
 std::unique_ptr<FrameSource> openVideo(const std::string& path, Colour colour, FrameSize size,
                                        TimeNs start_ns, double fallback_fps) {
   return std::make_unique<VideoSource>(path, colour, size, start_ns, fallback_fps);
-}
-
-std::unique_ptr<FrameSource> openDevice(const std::string& device, Colour colour, FrameSize size) {
-  return std::make_unique<DeviceSource>(device, colour, size);
 }
 
 }  // namespace omnifleet::dataset

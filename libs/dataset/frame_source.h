@@ -33,8 +33,11 @@ class FrameSource {
   /// kEmpty, kOutOfOrder (time not after that of the latest frame).
   virtual bool next(cv::Mat& image, FrameInfo& info) = 0;
 
-  /// Total number of frames; 0 if unknown (a device).
+  /// Total number of frames; 0 if unknown.
   virtual std::size_t size() const = 0;
+
+  /// What the user should know about the source, for example doubtful times; empty if nothing new.
+  virtual std::string takeNotice() { return {}; }
 };
 
 /// Size that every frame must have. Zeros: the first readable frame determines it.
@@ -50,15 +53,17 @@ std::unique_ptr<FrameSource> openStream(const ImageStream& stream, Colour colour
 std::unique_ptr<FrameSource> openFolder(const std::string& folder, Colour colour, FrameSize size,
                                         TimeNs period_ns, TimeNs start_ns = 0);
 
-/// Opens a video file through OpenCV. Frame i has the time start + i/fps, with the rate of the file, or
-/// `fallback_fps` if the file does not state it. Throws options::Error when the file cannot be opened.
+/// Opens a video file through OpenCV. The first frame has the time `start_ns`; the others follow at the times
+/// of the container, which need not be evenly spaced. A time that does not follow its predecessor is not
+/// used: from there on the frames are 1/fps apart, with the rate of the file, or `fallback_fps` if the file
+/// does not state it. Throws options::Error when the file cannot be opened.
 std::unique_ptr<FrameSource> openVideo(const std::string& path, Colour colour, FrameSize size,
                                        TimeNs start_ns = 0, double fallback_fps = 30.0);
 
-/// Opens a camera device ("0" or "/dev/video0") through OpenCV and requests `size` from it. Frames are
-/// stamped with the system clock on arrival. Throws options::Error that names the device when it cannot be
-/// opened. A frame that does not arrive is kMissing; after 50 in a row the source ends.
-std::unique_ptr<FrameSource> openDevice(const std::string& device, Colour colour, FrameSize size);
+/// Copies a captured BGR or grey frame into `image` under the rules of FrameSource::next(). Zeros in `size`
+/// become the size of the frame.
+FrameState copyFrame(const cv::Mat& captured, Colour colour, FrameSize& size, cv::Mat& image,
+                     std::string& fault);
 
 /// Decodes one file into `image` under the rules of FrameSource::next(). `buffer` is reused between calls.
 /// `fault` is as in FrameInfo.

@@ -16,6 +16,10 @@ const char* toString(ErrorCode code) {
       return "stream_silent";
     case ErrorCode::kRowsRejected:
       return "rows_rejected";
+    case ErrorCode::kClockJump:
+      return "clock_jump";
+    case ErrorCode::kClockOffset:
+      return "clock_offset";
     case ErrorCode::kWriteFailed:
       return "write_failed";
     case ErrorCode::kFileWriteFailed:
@@ -26,6 +30,8 @@ const char* toString(ErrorCode code) {
       return "service_silent";
     case ErrorCode::kDuplicateRobot:
       return "duplicate_robot";
+    case ErrorCode::kCameraLost:
+      return "camera_lost";
     case ErrorCode::kFrameUnreadable:
       return "frame_unreadable";
     case ErrorCode::kImageSizeMismatch:

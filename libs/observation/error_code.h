@@ -18,6 +18,8 @@ enum class ErrorCode : std::uint8_t {
   kFrameOverwritten,
   kStreamSilent,
   kRowsRejected,
+  kClockJump,
+  kClockOffset,
   // outputs of any service
   kWriteFailed,
   kFileWriteFailed,
@@ -25,6 +27,7 @@ enum class ErrorCode : std::uint8_t {
   kServiceSilent,
   kDuplicateRobot,
   // camera, local mapper
+  kCameraLost,
   kFrameUnreadable,
   kImageSizeMismatch,
   kImageDark,

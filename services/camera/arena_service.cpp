@@ -10,7 +10,7 @@ ArenaCameraService::ArenaCameraService(const bus::ServiceContext& context, const
     : context_(context),
       camera_(fleet.camera(context.options.camera)),
       realtime_(context.options.mode == bus::RunMode::kLive),
-      ends_(context),
+      ends_(context, adapters::RunClock::kSim),
       writer_(context.bus.frameWriter(camera_.id, static_cast<std::size_t>(camera_.model.image_width_px) *
                                                       camera_.model.image_height_px * 3)),
       preview_(context, camera_.id),

@@ -20,14 +20,14 @@ std::size_t frameBytes(const fleet::CameraSpec& camera) {
 CameraService::CameraService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       camera_(fleet.camera(context.options.camera)),
-      paced_(context.options.mode == bus::RunMode::kLive && camera_.source != fleet::CameraSource::kDevice),
+      paced_(context.options.mode == bus::RunMode::kLive),
       source_(openSource(camera_, fleet)),
       writer_(context.bus.frameWriter(camera_.id, frameBytes(camera_))),
       preview_(context, camera_.id),
-      ends_(context) {
+      ends_(context, adapters::RunClock::kDataset) {
   if (context.options.record)
     recorder_.open(status(), context.options.out + "/recording", camera_.id, camera_.model);
-  header_.clock = static_cast<bus::ClockId>(context.options.mode == bus::RunMode::kLive ? 0 : 1);
+  header_.clock = bus::ClockId::kDataset;
 }
 
 std::vector<bus::Expectation> CameraService::expectations() const {
@@ -64,6 +64,8 @@ bool CameraService::decode() {
     finish();
     return false;
   }
+  if (const std::string notice = source_->takeNotice(); !notice.empty())
+    status().report({ErrorCode::kClockOffset, notice});
   header_.acquired_ns = info.time_ns;
   header_.sequence = info.sequence;
   header_.state = info.state;

@@ -14,7 +14,7 @@
 
 namespace omnifleet::services {
 
-/// Publishes the frames of one camera from a dataset, a folder, a video or a device. Frames are decoded
+/// Publishes the frames of one camera from a dataset, a folder or a video. Frames are decoded
 /// directly into the loan. A frame that cannot be read is published as invalid. Recorded sources run as fast
 /// as their readers in replay mode, and at the recorded pace in live mode.
 class CameraService : public bus::Service {

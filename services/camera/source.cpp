@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "dataset/capture.h"
 #include "dataset/dataset.h"
 
 namespace omnifleet::services {
@@ -19,11 +20,10 @@ std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera
     case fleet::CameraSource::kVideo:
       return dataset::openVideo(camera.path, colour, size);
     case fleet::CameraSource::kDevice:
-      return dataset::openDevice(camera.path, colour, size);
     case fleet::CameraSource::kArena:
       break;
   }
-  throw std::logic_error("an arena camera is rendered, not opened");
+  throw std::logic_error("devices and arena cameras have services of their own");
 }
 
 namespace {
@@ -42,6 +42,13 @@ void checkSize(dataset::FrameSource& source) {
                          "; all first frames differ from sensor.yaml. Use the sensor.yaml of this camera");
 }
 
+void checkDevice(const fleet::CameraSpec& camera) {
+  std::string fault;
+  const dataset::FrameSize size{camera.model.image_width_px, camera.model.image_height_px};
+  if (!dataset::makeCaptureDevice(camera.path, size)->open(fault))
+    throw options::Error(camera.path + ": this camera device cannot be opened: " + fault);
+}
+
 }  // namespace
 
 void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
@@ -54,6 +61,7 @@ void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
     return;
   }
   try {
+    if (camera.source == fleet::CameraSource::kDevice) return checkDevice(camera);
     const auto source = openSource(camera, fleet);
     if (camera.source == fleet::CameraSource::kFolder) checkSize(*source);
   } catch (const options::Error& error) {

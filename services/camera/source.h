@@ -7,7 +7,7 @@
 
 namespace omnifleet::services {
 
-/// The frame source of a camera that is not rendered: recording, folder, video or device. Throws
+/// The frame source of a camera that is neither rendered nor a device: recording, folder or video. Throws
 /// options::Error that names what cannot be opened.
 std::unique_ptr<dataset::FrameSource> openSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet);
 

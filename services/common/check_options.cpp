@@ -1,5 +1,6 @@
 #include "common/check_options.h"
 
+#include "camera/device_service.h"
 #include "classifier/classifier.h"
 #include "dataset/atomic_file.h"
 #include "dataset/observation_rows.h"
@@ -10,6 +11,7 @@
 #include "local_mapper/local_mapper.h"
 #include "local_mapper/service.h"
 #include "localizer/ceiling_agreement.h"
+#include "localizer/ceiling_wait.h"
 #include "localizer/estimator_stage.h"
 #include "localizer/marked_robots.h"
 #include "localizer/observation_frames.h"
@@ -115,6 +117,7 @@ void checkOptions(const fleet::Fleet& fleet) {
   localizer::MarkedOptions::read(localizer.child("marked"));
   localizer::AgreementOptions::read(localizer.child("agreement"));
   localizer::PoseGapOptions::read(localizer.child("pose_gaps"));
+  localizer::CeilingWaitOptions::read(localizer.child("ceiling_wait"));
   localizer.finish();
 
   const options::Section merger = fleet.service("global_merger");
@@ -132,7 +135,7 @@ void checkOptions(const fleet::Fleet& fleet) {
     dataset::ObservationNoise::read(world.child("observations"));
     world.finish();
   }
-  fleet.service("camera").finish();
+  CameraOptions::read(fleet.service("camera"));
 }
 
 }  // namespace omnifleet::services

@@ -1,12 +1,11 @@
 #include "common/run_ends.h"
 
-#include "adapters/adapters.h"
-
 namespace omnifleet::services {
 
-RunEnds::RunEnds(const bus::ServiceContext& context)
+RunEnds::RunEnds(const bus::ServiceContext& context, adapters::RunClock clock)
     : bus_(context.bus),
       is_live_(!bus::isDeterministic(context.options.mode)),
+      clock_(clock),
       reader_(context.bus.reader(context.topics.run_end)),
       writer_(context.bus.writer(context.topics.run_end)) {}
 
@@ -33,7 +32,7 @@ void RunEnds::announce(const std::string& stream, TimeNs last, std::uint64_t sam
   if (is_live_ && bus_.stopping()) return;
   v1::RunEnd end;
   end.stream(stream);
-  adapters::fillHeader(last, 0, adapters::RunClock::kSystem, end.header());
+  adapters::fillHeader(last, 0, clock_, end.header());
   end.samples(samples);
   end.reason(reason.substr(0, 255));
   // The write of a keep-last topic fails only if a reader is gone, which then needs no announcement.

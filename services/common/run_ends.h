@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "adapters/adapters.h"
 #include "bus/service.h"
 
 namespace omnifleet::services {
@@ -14,7 +15,9 @@ namespace omnifleet::services {
 /// streams. Stream names are "<topic> <robot, camera or source>", e.g. "local_map r1".
 class RunEnds {
  public:
-  explicit RunEnds(const bus::ServiceContext& context);
+  /// @param clock of the announced times
+  explicit RunEnds(const bus::ServiceContext& context,
+                   adapters::RunClock clock = adapters::RunClock::kSystem);
 
   /// Called once, when the end of the stream is received. @param last time of the last sample, kNothing if
   /// there was none @param samples number of samples
@@ -32,6 +35,7 @@ class RunEnds {
  private:
   bus::Bus& bus_;
   bool is_live_;
+  adapters::RunClock clock_;
   std::unique_ptr<bus::Reader<v1::RunEnd>> reader_;
   std::unique_ptr<bus::Writer<v1::RunEnd>> writer_;
   std::map<std::string, Ended> listeners_;

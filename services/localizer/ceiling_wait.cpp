@@ -9,6 +9,7 @@ CeilingWaitOptions CeilingWaitOptions::read(const options::Section& section) {
   CeilingWaitOptions o;
   section.read("longest_s", o.longest_s, {0.0, 10.0});
   section.read("silent_s", o.silent_s, {0.0, 3600.0});
+  section.finish();
   return o;
 }
 

@@ -9,6 +9,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "dataset/atomic_file.h"
+#include "dataset/capture.h"
 #include "tests/test_data.h"
 
 namespace omnifleet::dataset {
@@ -140,7 +141,9 @@ TEST_F(Frames, NamesSourceThatCannotBeOpened) {
               HasSubstr("contains no image"));
   EXPECT_THAT(message([&] { openVideo(folder_ / "text.png", Colour::kBgr, {}); }), HasSubstr("text.png"));
   EXPECT_THAT(message([&] { openVideo(folder_ / "none.avi", Colour::kBgr, {}); }), HasSubstr("none.avi"));
-  EXPECT_THAT(message([&] { openDevice("/dev/video97", Colour::kBgr, {}); }), HasSubstr("/dev/video97"));
+  std::string fault;
+  EXPECT_EQ(makeCaptureDevice("/dev/video97", {})->open(fault), nullptr);
+  EXPECT_THAT(fault, HasSubstr("/dev/video97 does not exist"));
 }
 
 TEST_F(Frames, ReadsVideoAtItsOwnRate) {
@@ -164,6 +167,74 @@ TEST_F(Frames, ReadsVideoAtItsOwnRate) {
   cv::Mat other;
   ASSERT_TRUE(openVideo(path, Colour::kGrey, {32, 32})->next(other, info));
   EXPECT_EQ(info.state, FrameState::kWrongSize);
+}
+
+/// An element of a Matroska file (EBML, RFC 8794): id, size in 8 bytes, content.
+std::string element(const std::string& id, const std::string& content) {
+  std::string size(8, '\x01');
+  for (int i = 0; i < 7; ++i) size[7 - i] = static_cast<char>(content.size() >> (8 * i));
+  return id + size + content;
+}
+
+std::string number(std::uint32_t value) {
+  std::string bytes(4, '\0');
+  for (int i = 0; i < 4; ++i) bytes[3 - i] = static_cast<char>(value >> (8 * i));
+  return bytes;
+}
+
+/// A Matroska file of JPEG frames at any times (RFC 9559), written by hand: no writer of OpenCV makes one.
+std::string matroska(const std::vector<int>& times_ms) {
+  std::string blocks = element("\xE7", number(0));  // the cluster's time
+  for (std::size_t i = 0; i < times_ms.size(); ++i) {
+    std::vector<unsigned char> jpeg;
+    cv::imencode(".jpg", picture(64, 48, static_cast<int>(20 * i)), jpeg);
+    std::string block = "\x81";  // track 1
+    block += static_cast<char>(times_ms[i] >> 8);
+    block += static_cast<char>(times_ms[i]);
+    block += '\x80';  // key frame
+    blocks += element("\xA3", block + std::string(jpeg.begin(), jpeg.end()));
+  }
+  const std::string size = element("\xE0", element("\xB0", number(64)) + element("\xBA", number(48)));
+  const std::string track =
+      element("\xAE", element("\xD7", number(1)) + element("\x73\xC5", number(1)) +
+                          element("\x83", number(1)) + element("\x86", "V_MJPEG") + size);
+  const std::string info = element("\x2A\xD7\xB1", number(1000000)) + element("\x4D\x80", "test") +
+                           element("\x57\x41", "test");  // ticks of 1 ms
+  return element("\x1A\x45\xDF\xA3", element("\x42\x82", "matroska") + element("\x42\x87", number(4)) +
+                                         element("\x42\x85", number(2))) +
+         element("\x18\x53\x80\x67", element("\x15\x49\xA9\x66", info) + element("\x16\x54\xAE\x6B", track) +
+                                         element("\x1F\x43\xB6\x75", blocks));
+}
+
+TEST_F(Frames, UsesTimesOfVideoWithVariableRate) {
+  writeAtomic(folder_ / "v.mkv", matroska({0, 100, 133, 9000, 9040}));
+  const auto source = openVideo(folder_ / "v.mkv", Colour::kBgr, {}, 5);
+  cv::Mat image;
+  FrameInfo info;
+  std::vector<TimeNs> times;
+  while (source->next(image, info)) {
+    EXPECT_EQ(info.state, FrameState::kOk) << info.fault;
+    times.push_back(info.time_ns);
+  }
+  EXPECT_THAT(times, ::testing::ElementsAre(5, 100000005, 133000005, 9000000005, 9040000005));
+  EXPECT_EQ(source->takeNotice(), "");
+}
+
+TEST_F(Frames, UsesAverageRateOfVideoFromTimeThatDoesNotFollow) {
+  writeAtomic(folder_ / "v.mkv", matroska({0, 100, 200, 200, 150, 300}));
+  const auto source = openVideo(folder_ / "v.mkv", Colour::kBgr, {});
+  cv::Mat image;
+  FrameInfo info;
+  TimeNs latest_ns = -1;
+  int frames = 0;
+  for (; source->next(image, info); ++frames) {
+    EXPECT_GT(info.time_ns, latest_ns) << frames;
+    EXPECT_EQ(info.state, FrameState::kOk);
+    latest_ns = info.time_ns;
+  }
+  EXPECT_EQ(frames, 6);
+  EXPECT_THAT(source->takeNotice(), HasSubstr("v.mkv: frame 3 has no time after"));
+  EXPECT_EQ(source->takeNotice(), "") << "once";
 }
 
 TEST(ExternalFrames, ReadsFolderAndVideo) {
