@@ -14,14 +14,6 @@ namespace omnifleet::dataset {
 namespace {
 
 using Fields = std::vector<std::string_view>;
-constexpr const char* kBadTime = "the timestamp must be a whole number of nanoseconds ≥ 0";
-
-/// Parses a time of a recording. Clocks of recordings do not run before their epoch, so a negative time is a
-/// corrupt number.
-bool parseStamp(std::string_view field, TimeNs& value) {
-  return parseTime(field, value) && value >= 0;
-}
-
 /// Empty if `time_ns` is later than `latest_ns` (or equal, if allowed); `latest_ns` then becomes `time_ns`.
 std::string checkOrder(TimeNs time_ns, bool equal_allowed, TimeNs& latest_ns) {
   if (time_ns < latest_ns || (time_ns == latest_ns && !equal_allowed)) {
@@ -35,12 +27,12 @@ std::string checkOrder(TimeNs time_ns, bool equal_allowed, TimeNs& latest_ns) {
 /// the later ones. Otherwise one time too far ahead would reject all rows that follow.
 class Ahead {
  public:
-  explicit Ahead(const std::string& path) {
+  Ahead(const std::string& path, const TimeColumn& column) {
     std::vector<std::string> ignored;
     std::vector<TimeNs> times;
     readRows(path, ',', ignored, [&](const Fields& fields) -> std::string {
       TimeNs time_ns = kNoTime;
-      if (!parseStamp(fields[0], time_ns)) time_ns = kNoTime;
+      if (!column.parse(fields[0], time_ns)) time_ns = kNoTime;
       times.push_back(time_ns);
       return {};
     });
@@ -104,13 +96,14 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
   const fs::path base = fs::path(folder) / name;
   stream.camera = lens::CameraModel::load((base / "sensor.yaml").string());
   std::uint32_t sequence = 0;
-  Ahead ahead((base / "data.csv").string());
+  const TimeColumn column((base / "data.csv").string());
+  Ahead ahead((base / "data.csv").string(), column);
   readRecorded((base / "data.csv").string(), warnings, [&](const Fields& fields) -> std::string {
     ImageRow row;
     row.sequence = sequence++;
     const std::string broken = ahead.problem();
     if (fields.size() != 2) return columns(fields.size(), "timestamp [ns],filename");
-    if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
+    if (!column.parse(fields[0], row.time_ns)) return column.rule();
     if (!broken.empty()) return broken;
     const fs::path file = fs::path(std::string(fields[1])).lexically_normal();
     if (file.is_absolute() || (!file.empty() && *file.begin() == ".."))
@@ -125,12 +118,13 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
 std::vector<WheelRow> readWheels(const std::string& path, std::vector<std::string>& warnings) {
   std::vector<WheelRow> rows;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
-  Ahead ahead(path);
+  const TimeColumn column(path);
+  Ahead ahead(path, column);
   readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     WheelRow row;
     const std::string broken = ahead.problem();
     if (fields.size() != 3) return columns(fields.size(), "timestamp [ns],v_left [m s^-1],v_right [m s^-1]");
-    if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
+    if (!column.parse(fields[0], row.time_ns)) return column.rule();
     if (!parseNumber(fields[1], row.left_mps) || !parseNumber(fields[2], row.right_mps)) {
       return "wheel speeds must be finite numbers";
     }
@@ -150,12 +144,13 @@ std::vector<RangeBearingRow> readObservations(const std::string& path, const std
   std::vector<RangeBearingRow> rows;
   std::size_t bearings = 0, wide = 0;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
-  Ahead ahead(path);
+  const TimeColumn column(path);
+  Ahead ahead(path, column);
   readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     RangeBearingRow row;
     const std::string broken = ahead.problem();
     if (fields.size() != 4) return columns(fields.size(), "timestamp [ns],id,range [m],bearing [rad]");
-    if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
+    if (!column.parse(fields[0], row.time_ns)) return column.rule();
     row.id = std::string(fields[1]);
     if (row.id.empty()) return "the id is empty";
     if (row.id == robot) return "the robot '" + robot + "' cannot observe itself";
@@ -191,14 +186,15 @@ std::vector<RangeBearingRow> readObservations(const std::string& path, const std
 std::vector<LaserRow> readLaser(const std::string& path, std::vector<std::string>& warnings) {
   std::vector<LaserRow> rows;
   TimeNs latest_ns = std::numeric_limits<TimeNs>::min();
-  Ahead ahead(path);
+  const TimeColumn column(path);
+  Ahead ahead(path, column);
   readRecorded(path, warnings, [&](const Fields& fields) -> std::string {
     LaserRow row;
     const std::string broken = ahead.problem();
     if (fields.size() < 4) {
       return columns(fields.size(), "timestamp [ns],angle_min [rad],angle_increment [rad],ranges [m]…");
     }
-    if (!parseStamp(fields[0], row.time_ns)) return kBadTime;
+    if (!column.parse(fields[0], row.time_ns)) return column.rule();
     if (!parseNumber(fields[1], row.angle_min_rad) || !parseNumber(fields[2], row.angle_increment_rad)) {
       return "angle_min and angle_increment must be finite numbers, the increment not 0";
     }

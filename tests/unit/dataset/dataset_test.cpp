@@ -65,6 +65,34 @@ TEST_F(DatasetFiles, ReadsRobotsSortedByName) {
   EXPECT_THAT(d.findStream("r1/fisheye")->rows[1].path, HasSubstr("r1/fisheye/data/b.png"));
 }
 
+TEST_F(DatasetFiles, ConvertsTimesFromUnitOfHeader) {
+  const std::vector<std::pair<std::string, std::string>> files{
+      {"#timestamp [ns],filename", "1700000000123456000"}, {"# timestamp [us],filename", "1700000000123456"},
+      {"#timestamp [µs],filename", "1700000000123456"},    {"#timestamp[ms], filename", "1700000000123.456"},
+      {"#time [s],filename", "1700000000.123456"},         {"timestamp [us],filename", "1700000000123456"}};
+  for (const auto& [header, time] : files) {
+    put("r1/fisheye/data.csv", header + "\n" + time + ",a.png\n");
+    const Dataset d = open();
+    const auto& rows = d.findStream("r1/fisheye")->rows;
+    ASSERT_EQ(rows.size(), 1u) << header;
+    EXPECT_EQ(rows[0].time_ns, 1700000000123456000) << header;
+  }
+  put("r1/wheels/data.csv", "#timestamp [us],v_left,v_right\n10,0,0\n20.5,0,0\n-1,0,0\n");
+  put("r1/observations.csv", "#timestamp [ms],id,range [m],bearing [rad]\n30,a,1,0\n");
+  put("r1/laser/data.csv", "#timestamp [s],angle_min [rad],angle_increment [rad],ranges [m]\n0.25,0,0.1,1\n");
+  const Dataset d = open();
+  ASSERT_EQ(d.findRobot("r1")->wheels.size(), 2u);
+  EXPECT_EQ(d.findRobot("r1")->wheels[1].time_ns, 20500);
+  EXPECT_EQ(d.findRobot("r1")->observations.at(0).time_ns, 30000000);
+  EXPECT_EQ(d.findRobot("r1")->laser.at(0).time_ns, 250000000);
+}
+
+TEST_F(DatasetFiles, RefusesUnknownUnitOfTimeByName) {
+  put("r1/fisheye/data.csv", "# a comment\n#timestamp [ticks],filename\n10,a.png\n");
+  EXPECT_THAT(refusal(),
+              AllOf(HasSubstr("r1/fisheye/data.csv:2"), HasSubstr("[ticks]"), HasSubstr("ns, us, ms")));
+}
+
 TEST_F(DatasetFiles, ListsRejectedRows) {
   put("r1/fisheye/data.csv",
       "#timestamp [ns],filename\n10,a.png\nnan,b.png\r\n30.5,c.png\n\n40,\n50,d.png,x\n60, e.png \n");
