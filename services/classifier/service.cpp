@@ -29,7 +29,8 @@ std::vector<PoseEstimate> initialPosesOf(const fleet::Fleet& fleet) {
 
 ClassifierService::ClassifierService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
-      ends_(context),
+      ends_(context, runClock(context.options, fleet)),
+      clock_(runClock(context.options, fleet)),
       local_maps_(context.bus.reader(context.topics.local_map, context.options.robot), merger_, ends_,
                   {"local_map " + context.options.robot, context.options.robot, 0, bus::StreamRole::kInput,
                    streamMode(context.options)}),
@@ -71,7 +72,7 @@ void ClassifierService::process() {
   const auto& local_map = std::get<LocalMap>(batch_.inputs.front().payload);
   if (!initial_poses_.empty()) assumeInitialPoses(local_map.acquired_ns);
   const Objects& objects = classifier_.process(local_map, known);
-  adapters::toWire(objects, runClock(context_.options), sample_);
+  adapters::toWire(objects, clock_, sample_);
   out_.write(sample_, status());
   tracks_.write(status(), [&](dataset::TracksWriter& tracks) { tracks.write(objects); });
   status().processed(steady_clock::now() - begun, objects.state == FrameState::kOk);

@@ -39,6 +39,7 @@ class ClassifierService : public bus::Service {
   bus::TimeMerger<Payload> merger_;
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
+  adapters::RunClock clock_;
   Inlet<v1::LocalMap, Payload> local_maps_;
   PoseFeedback<Payload> poses_;
   Outlet<v1::Objects> out_;

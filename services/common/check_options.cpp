@@ -104,6 +104,7 @@ void checkOptions(const fleet::Fleet& fleet) {
   laser::Options::read(mapper.child("laser"));
   double laser_age_s = 0.0;
   mapper.read("laser_age_s", laser_age_s, {0.0, 1.0});
+  wheelsMissing_s(mapper);
   local_mapper::AppearanceOptions::read(mapper.child("appearance"));
   fisheyeOptions(fleet);
   frontOptions(fleet);

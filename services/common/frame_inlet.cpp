@@ -22,6 +22,7 @@ bool FrameInlet::ended() const {
 
 std::optional<bus::FrameView> FrameInlet::take(bus::StatusBoard& status) {
   while (auto frame = reader_->take()) {
+    if (times_ != nullptr) frame->header.acquired_ns = times_->toRun(frame->header.acquired_ns);
     if (frame->header.acquired_ns > last_ns_) {
       last_ns_ = frame->header.acquired_ns;
       last_event_ = std::chrono::steady_clock::now();

@@ -7,6 +7,7 @@
 
 #include "bus/service.h"
 #include "common/run_ends.h"
+#include "common/source_times.h"
 #include "fleet/fleet.h"
 
 namespace omnifleet::services {
@@ -15,6 +16,9 @@ namespace omnifleet::services {
 class FrameInlet {
  public:
   FrameInlet(const bus::ServiceContext& context, const fleet::CameraSpec& camera, RunEnds& ends);
+
+  /// From now on the frames have the times of `times`, which must outlive this. Null: their own.
+  void follow(SourceTimes* times) { times_ = times; }
 
   /// The next frame, on loan until release(). Empty while a loan is held or when no frame is available.
   /// Frames that are not later than the last one are counted as dropped and skipped.
@@ -30,6 +34,7 @@ class FrameInlet {
  private:
   std::string name_;
   std::unique_ptr<bus::FrameReader> reader_;
+  SourceTimes* times_ = nullptr;
   TimeNs last_ns_ = RunEnds::kNothing;
   std::optional<TimeNs> end_ns_;
   bool may_lose_;

@@ -18,4 +18,10 @@ adapters::RunClock runClock(const bus::ServiceOptions& options) {
   return adapters::RunClock::kSystem;
 }
 
+adapters::RunClock runClock(const bus::ServiceOptions& options, const fleet::Fleet& fleet) {
+  if (fleet.arena) return adapters::RunClock::kSim;
+  if (!fleet.dataset.empty()) return adapters::RunClock::kDataset;
+  return runClock(options);
+}
+
 }  // namespace omnifleet::services

@@ -13,6 +13,9 @@
 #include "bus/service.h"
 #include "common/messages.h"
 #include "common/run_ends.h"
+#include "common/source_times.h"
+#include "fleet/fleet.h"
+#include "observation/time_range.h"
 
 namespace omnifleet::services {
 
@@ -46,6 +49,9 @@ class Inlet {
   Inlet(const Inlet&) = delete;
   Inlet& operator=(const Inlet&) = delete;
 
+  /// From now on the samples have the times of `times`, which must outlive this. Null: their own.
+  void follow(SourceTimes* times) { times_ = times; }
+
   /// Moves all arrived samples into the merger. `convert(wire, payload)` returns the Validity of a sample, or
   /// a bool (true: good, false: rejected). Samples that are not good are counted and reported. @return number
   /// of samples taken
@@ -54,6 +60,7 @@ class Inlet {
     int taken = 0;
     while (reader_->take(sample_)) {
       ++taken;
+      if (times_ != nullptr) sample_.header().acquired_ns(times_->toRun(sample_.header().acquired_ns()));
       Payload payload;
       const Validity validity = asValidity(convert(sample_, payload));
       if (validity != Validity::kGood) {
@@ -81,7 +88,11 @@ class Inlet {
 
   int stream() const { return stream_; }
   bool receivedAny() const { return last_ns_ != RunEnds::kNothing; }
-  /// Acquisition times of the first and the latest sample; valid if receivedAny().
+  /// Acquisition times of the first and the latest sample; empty: none has arrived.
+  std::optional<TimeRange> times() const {
+    return receivedAny() ? std::optional(TimeRange{first_ns_, last_ns_}) : std::nullopt;
+  }
+  /// The same; valid if receivedAny().
   TimeNs firstNs() const { return first_ns_; }
   TimeNs lastNs() const { return last_ns_; }
   const bus::Reader<Wire>& reader() const { return *reader_; }
@@ -103,6 +114,7 @@ class Inlet {
 
   std::unique_ptr<bus::Reader<Wire>> reader_;
   bus::TimeMerger<Payload>& merger_;
+  SourceTimes* times_ = nullptr;
   int stream_ = -1;
   TimeNs first_ns_ = 0;
   TimeNs last_ns_ = RunEnds::kNothing;
@@ -156,6 +168,9 @@ class Outlet {
 
 /// Properties of the run that every stage reads once.
 bus::StreamMode streamMode(const bus::ServiceOptions& options);
+/// The clock of the run's acquisition times. Of live runs it is the system clock.
 adapters::RunClock runClock(const bus::ServiceOptions& options);
+/// Knows more about live runs: a simulation has its own clock, and a recording keeps its own.
+adapters::RunClock runClock(const bus::ServiceOptions& options, const fleet::Fleet& fleet);
 
 }  // namespace omnifleet::services

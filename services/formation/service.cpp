@@ -35,7 +35,8 @@ std::map<std::string, Pose2> parkedRobots(const fleet::Fleet& fleet) {
 FormationService::FormationService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       robot_(fleet.robot(context.options.robot).name),
-      ends_(context),
+      clock_(runClock(context.options, fleet)),
+      ends_(context, clock_),
       objects_(context.bus.reader(context.topics.objects, robot_), merger_, ends_,
                {"objects " + robot_, robot_, 0, bus::StreamRole::kInput, streamMode(context.options)}),
       poses_(context, fleet, merger_, ends_),
@@ -113,13 +114,12 @@ void FormationService::process() {
 
 void FormationService::answer(const Objects& objects, const std::vector<PoseEstimate>& known) {
   const formation::Formation::Output output = formation_.process(objects, known, received_states_);
-  const auto clock = runClock(context_.options);
   speeds_.robot(robot_);
-  adapters::fillHeader(objects.acquired_ns, objects.sequence, clock, speeds_.header());
+  adapters::fillHeader(objects.acquired_ns, objects.sequence, clock_, speeds_.header());
   speeds_.v_left_mps(output.command.speeds.left_mps);
   speeds_.v_right_mps(output.command.speeds.right_mps);
   command_out_.write(speeds_, status());
-  adapters::toWire(output.state, clock, state_);
+  adapters::toWire(output.state, clock_, state_);
   state_out_.write(state_, status());
   updateStandstill(output, objects.acquired_ns);
   skipped_ = output.state.skipped;

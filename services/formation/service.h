@@ -45,6 +45,7 @@ class FormationService : public bus::Service {
   std::string robot_;
   bus::TimeMerger<Payload> merger_;
   bus::TimeMerger<Payload>::Batch batch_;
+  adapters::RunClock clock_;
   RunEnds ends_;
   Inlet<v1::Objects, Payload> objects_;
   PoseFeedback<Payload> poses_;

@@ -35,22 +35,27 @@ FrontMapperService::FrontMapperService(const bus::ServiceContext& context, const
                                        bool debug_images)
     : context_(context),
       camera_(frontCamera(fleet, context.options.robot)),
-      ends_(context),
+      ends_(context, runClock(context.options, fleet)),
       frames_(context, camera_, ends_),
       frame_stream_(merger_.addStream(
           {"camera " + camera_.id, camera_.robot, 0, bus::StreamRole::kInput, streamMode(context.options)})),
+      live_times_(context, fleet),
+      clock_(runClock(context.options, fleet)),
       out_(context.bus.writer(context.topics.local_map, camera_.robot), "local_map " + camera_.robot,
            fleet::expectedReaders(fleet, "local_map", camera_.robot)),
       integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
+      wheel_check_(makeWheelCheck(context, fleet, camera_.robot)),
       mapper_(frontMapper(camera_, fleet)) {
   if (debug_images && !context.options.out.empty()) {
     debug_folder_ = context.options.out + "/debug/" + camera_.robot;
     dataset::makeDirectories(debug_folder_);
   }
+  if (camera_.source == fleet::CameraSource::kDevice) live_times_.follow(frames_, "camera " + camera_.id);
   if (!fleet.robot(camera_.robot).has_wheels) return;
   wheels_.emplace(context.bus.reader(context.topics.wheels_odometry, camera_.robot), merger_, ends_,
                   bus::StreamSpec{"wheels/odometry " + camera_.robot, camera_.robot, 1,
                                   bus::StreamRole::kSide, streamMode(context.options)});
+  live_times_.follow(*wheels_, "wheels/odometry " + camera_.robot);
 }
 
 bool FrontMapperService::pull() {
@@ -67,6 +72,7 @@ bool FrontMapperService::pull() {
     }
   }
   if (frames_.ended()) merger_.end(frame_stream_, 0);
+  live_times_.report(status());
   return any;
 }
 
@@ -84,6 +90,8 @@ bool FrontMapperService::spin() {
     pull();
   }
   if (!ended_ && merger_.finished()) {
+    if (wheels_ && integrator_.isInUse())
+      if (const auto message = wheel_check_.finish(wheels_->times())) status().report(*message);
     for (const Message& message : faults_.end()) status().report(message);
     out_.end(ends_);
     ended_ = any = true;
@@ -97,7 +105,7 @@ void FrontMapperService::process(const bus::FrameView& view) {
                                   asMat(view)};
   const Motion wheels = integrator_.motionTo(frame.acquired_ns);
   if (wheels_ && integrator_.isInUse()) {
-    const auto message = wheel_check_.add(frame.acquired_ns, wheels.valid, rowsOf(*wheels_));
+    const auto message = wheel_check_.add(frame.acquired_ns, wheels.valid, wheels_->times());
     if (message) status().report(*message);
   }
   local_map_ = mapper_.process(frame, wheels);
@@ -112,7 +120,7 @@ void FrontMapperService::process(const bus::FrameView& view) {
     local_map_.scan = {};
     local_map_.boundary.clear();
   }
-  adapters::toWire(local_map_, runClock(context_.options), sample_);
+  adapters::toWire(local_map_, clock_, sample_);
   out_.write(sample_, status());
   status().processed(steady_clock::now() - begun, local_map_.state == FrameState::kOk);
   reportFault();

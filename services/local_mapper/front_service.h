@@ -45,10 +45,12 @@ class FrontMapperService : public bus::Service {
   RunEnds ends_;
   FrameInlet frames_;
   int frame_stream_;
+  LiveTimes live_times_;
+  adapters::RunClock clock_;
   std::optional<Inlet<v1::WheelOdometry, Payload>> wheels_;
   Outlet<v1::LocalMap> out_;
   motion::WheelIntegrator integrator_;
-  local_mapper::WheelCheck wheel_check_{camera_.robot};
+  local_mapper::WheelCheck wheel_check_;
   local_mapper::FrontMapper mapper_;
   std::string debug_folder_;  ///< empty: no debug images
   LocalMap local_map_;

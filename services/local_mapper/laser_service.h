@@ -24,7 +24,8 @@ struct LaserInput {
 /// scan out.
 class LaserMapperService : public bus::Service {
  public:
-  LaserMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet);
+  LaserMapperService(const bus::ServiceContext& context, const fleet::Fleet& fleet,
+                     ReadClocks read = readHostClocks);
 
   std::vector<bus::Expectation> expectations() const override { return {out_.expectation()}; }
   void start() override { status().state(bus::ServiceState::kRunning); }
@@ -46,11 +47,13 @@ class LaserMapperService : public bus::Service {
   bus::TimeMerger<Payload> merger_;
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
+  LiveTimes live_times_;
+  adapters::RunClock clock_;
   Inlet<v1::LaserScan, Payload> scans_;
   std::optional<Inlet<v1::WheelOdometry, Payload>> wheels_;
   Outlet<v1::LocalMap> out_;
   motion::WheelIntegrator integrator_;
-  local_mapper::WheelCheck wheel_check_{robot_};
+  local_mapper::WheelCheck wheel_check_;
   laser::LaserMapper mapper_;
   LocalMap local_map_;
   v1::LocalMap sample_;
@@ -67,11 +70,11 @@ std::vector<Message> scanFaults(FaultRuns& runs, const std::string& robot, const
 Validity takeScan(const v1::LaserScan& wire, LaserInput& scan);
 /// Wheel integrator of a robot, as its local mapper uses it.
 motion::WheelIntegrator makeIntegrator(const fleet::Fleet& fleet, const fleet::RobotSpec& robot);
-
-/// Times of the wheel rows that `wheels` has received.
-template <class Wheels>
-local_mapper::WheelCheck::Rows rowsOf(const Wheels& wheels) {
-  return {wheels.firstNs(), wheels.lastNs(), wheels.receivedAny()};
-}
+/// The check of a robot's wheels: `services: {local_mapper: {wheels_missing_s}}` in live mode, where the
+/// robot base may start later than the camera.
+local_mapper::WheelCheck makeWheelCheck(const bus::ServiceContext& context, const fleet::Fleet& fleet,
+                                        const std::string& robot);
+/// Option wheels_missing_s, s.
+double wheelsMissing_s(const options::Section& section);
 
 }  // namespace omnifleet::services

@@ -108,16 +108,12 @@ Message floorOnly(const std::string& camera, double driven_m) {
                       camera, driven_m)};
 }
 
-Message wheelsUnmatched(const std::string& robot, const std::pair<TimeNs, TimeNs>& frames,
-                        const std::pair<TimeNs, TimeNs>& rows) {
-  const auto seconds = [](TimeNs ns) { return 1e-9 * static_cast<double>(ns); };
-  return {
-      ErrorCode::kWheelsUnmatched,
-      fmt::format("{}: no wheel sample at the time of a frame; odometry is not used. The first frames are "
-                  "stamped {:.3f} to {:.3f} s, wheel samples {:.3f} to {:.3f} s. Use one clock for both, "
-                  "times in ns",
-                  robot, seconds(frames.first), seconds(frames.second), seconds(rows.first),
-                  seconds(rows.second))};
+Message wheelsUnmatched(const std::string& robot, const TimeRange& frames, const TimeRange& rows) {
+  return {ErrorCode::kWheelsUnmatched,
+          fmt::format(
+              "{}: no wheel sample at the time of a frame; odometry is not used. The first frames are "
+              "stamped {}, wheel samples {}. Likely cause: {}. Use one clock for both, times in ns",
+              robot, toString(frames), toString(rows), likelyCause("times of wheel samples", rows, frames))};
 }
 
 Message wheelsSilent(const std::string& robot, int frames) {

@@ -9,6 +9,7 @@
 #include "lens/camera.h"
 #include "observation/error_code.h"
 #include "observation/observation.h"
+#include "observation/time_range.h"
 
 // What the local mapper reports about a camera. `camera` is its id, `frame` its sequence number.
 namespace omnifleet::local_mapper {
@@ -33,9 +34,8 @@ Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_
 /// Only floor for the first `driven_m` metres.
 Message floorOnly(const std::string& camera, double driven_m);
 
-/// No wheel row covers a frame. @param frames, rows first and last acquisition time
-Message wheelsUnmatched(const std::string& robot, const std::pair<TimeNs, TimeNs>& frames,
-                        const std::pair<TimeNs, TimeNs>& rows);
+/// No wheel row covers a frame. @param frames, rows acquisition times
+Message wheelsUnmatched(const std::string& robot, const TimeRange& frames, const TimeRange& rows);
 /// No wheel row has arrived during `frames` frames.
 Message wheelsSilent(const std::string& robot, int frames);
 

@@ -43,7 +43,8 @@ local_mapper::LocalMapper makeMapper(const fleet::CameraSpec& camera, const loca
 
 local_mapper::Options fisheyeOptions(const fleet::Fleet& fleet) {
   const options::Section section = fleet.service("local_mapper");
-  for (const char* key : {"wheels", "laser", "laser_age_s", "method", "distance_vector", "appearance"})
+  for (const char* key :
+       {"wheels", "laser", "laser_age_s", "wheels_missing_s", "method", "distance_vector", "appearance"})
     section.has(key);
   return local_mapper::Options::read(section);
 }
@@ -58,13 +59,16 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
                                        bool debug_images)
     : context_(context),
       camera_(fisheye(fleet, context.options.robot)),
-      ends_(context),
+      ends_(context, runClock(context.options, fleet)),
       frames_(context, camera_, ends_),
       frame_stream_(merger_.addStream(
           {"camera " + camera_.id, camera_.robot, 0, bus::StreamRole::kInput, streamMode(context.options)})),
+      live_times_(context, fleet),
+      clock_(runClock(context.options, fleet)),
       out_(context.bus.writer(context.topics.local_map, camera_.robot), "local_map " + camera_.robot,
            fleet::expectedReaders(fleet, "local_map", camera_.robot)),
       integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
+      wheel_check_(makeWheelCheck(context, fleet, camera_.robot)),
       mapper_(makeMapper(camera_, fisheyeOptions(fleet))),
       laser_age_ns_(static_cast<TimeNs>(1e9 * laserAge(fleet))) {
   const auto appearance =
@@ -82,11 +86,16 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
     scans_.emplace(context.bus.reader(context.topics.laser, camera_.robot), merger_, ends_,
                    bus::StreamSpec{"laser " + camera_.robot, camera_.robot, 2, bus::StreamRole::kInput,
                                    streamMode(context.options), false});
+    live_times_.follow(*scans_, "laser " + camera_.robot);
+    scan_check_.emplace("laser " + camera_.robot, "camera " + camera_.id,
+                        !bus::isDeterministic(context.options.mode));
   }
+  if (camera_.source == fleet::CameraSource::kDevice) live_times_.follow(frames_, "camera " + camera_.id);
   if (fleet.robot(camera_.robot).has_wheels) {
     wheels_.emplace(context.bus.reader(context.topics.wheels_odometry, camera_.robot), merger_, ends_,
                     bus::StreamSpec{"wheels/odometry " + camera_.robot, camera_.robot, 1,
                                     bus::StreamRole::kSide, streamMode(context.options)});
+    live_times_.follow(*wheels_, "wheels/odometry " + camera_.robot);
   }
   if (debug_images && !context.options.out.empty()) {
     debug_folder_ = context.options.out + "/debug/" + camera_.robot;
@@ -113,6 +122,7 @@ bool LocalMapperService::pull() {
     }
   }
   if (frames_.ended()) merger_.end(frame_stream_, 0);
+  live_times_.report(status());
   return any;
 }
 
@@ -127,7 +137,11 @@ bool LocalMapperService::spin() {
     pull();
   }
   if (!ended_ && merger_.finished()) {
+    if (wheels_ && integrator_.isInUse())
+      if (const auto message = wheel_check_.finish(wheels_->times())) status().report(*message);
     reportUndecided(true);
+    if (scan_check_)
+      if (const auto message = scan_check_->finish()) status().report(*message);
     for (FaultRuns* runs : {&faults_, &scan_faults_})
       for (const Message& message : runs->end()) status().report(message);
     out_.end(ends_);
@@ -164,9 +178,12 @@ void LocalMapperService::process(const bus::FrameView& view) {
   const local_mapper::Frame frame{view.header.acquired_ns, view.header.sequence, view.header.state, image};
   const Motion wheels = integrator_.motionTo(frame.acquired_ns);
   if (wheels_ && integrator_.isInUse()) {
-    const auto message = wheel_check_.add(frame.acquired_ns, wheels.valid, rowsOf(*wheels_));
+    const auto message = wheel_check_.add(frame.acquired_ns, wheels.valid, wheels_->times());
     if (message) status().report(*message);
   }
+  if (scan_check_)
+    if (const auto message = scan_check_->addFrame(frame.acquired_ns, scans_->times()))
+      status().report(*message);
   local_map_ = mapper_.process(frame, wheels);
   local_map_.robot = camera_.robot;
   if (scan_ && local_map_.state == FrameState::kOk && frame.acquired_ns - scan_->row.time_ns <= laser_age_ns_)
@@ -192,7 +209,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
     local_map_.boundary.clear();
     if (appearance_) local_map_.appearance = appearance_->skip();
   }
-  adapters::toWire(local_map_, runClock(context_.options), sample_);
+  adapters::toWire(local_map_, clock_, sample_);
   out_.write(sample_, status());
   status().processed(steady_clock::now() - begun, local_map_.state == FrameState::kOk);
   reportFault();

@@ -9,6 +9,7 @@
 #include "common/fault_runs.h"
 #include "common/frame_inlet.h"
 #include "common/inlet.h"
+#include "common/overlap_check.h"
 #include "dataset/dataset.h"
 #include "fleet/fleet.h"
 #include "local_mapper/appearance_source.h"
@@ -59,11 +60,14 @@ class LocalMapperService : public bus::Service {
   RunEnds ends_;
   FrameInlet frames_;
   int frame_stream_;
+  LiveTimes live_times_;
+  adapters::RunClock clock_;
   std::optional<Inlet<v1::WheelOdometry, Payload>> wheels_;
   std::optional<Inlet<v1::LaserScan, Payload>> scans_;
+  std::optional<OverlapCheck> scan_check_;
   Outlet<v1::LocalMap> out_;
   motion::WheelIntegrator integrator_;
-  local_mapper::WheelCheck wheel_check_{camera_.robot};
+  local_mapper::WheelCheck wheel_check_;
   local_mapper::LocalMapper mapper_;
   std::optional<local_mapper::AppearanceSource> appearance_;
   std::optional<laser::LaserMapper> laser_;

@@ -4,31 +4,34 @@
 #include <string>
 
 #include "observation/error_code.h"
-#include "observation/observation.h"
+#include "observation/time_range.h"
 
 namespace omnifleet::local_mapper {
 
-/// Notices wheel rows whose times meet no frame: another clock or another unit of time. Without this check
-/// the run looks like one of a robot without wheels.
+/// Notices wheel rows whose times meet no frame (another clock or another unit of time), and wheels that
+/// nobody publishes. Without this check the run looks like one of a robot without wheels. `rows`: acquisition
+/// times of the rows received so far; empty: none.
 class WheelCheck {
  public:
-  /// Acquisition times of the rows received so far.
-  struct Rows {
-    TimeNs first_ns = 0, last_ns = 0;
-    bool any = false;
-  };
-
-  explicit WheelCheck(std::string robot) : robot_(std::move(robot)) {}
+  /// @param patience_ns how long the wheels may be missing; live, the robot base may start later than the
+  /// camera
+  explicit WheelCheck(std::string robot, TimeNs patience_ns = 0)
+      : robot_(std::move(robot)), patience_ns_(patience_ns) {}
 
   /// One frame. @param has_motion the wheels gave its motion
-  /// @return a message, once, after kFrames frames without any motion
-  std::optional<Message> add(TimeNs frame_ns, bool has_motion, const Rows& rows);
+  /// @return a message, once, after kFrames frames and the patience without any motion
+  std::optional<Message> add(TimeNs frame_ns, bool has_motion, const std::optional<TimeRange>& rows);
+  /// The frames have ended. @return the message of a run that was too short for add()
+  std::optional<Message> finish(const std::optional<TimeRange>& rows);
 
   static constexpr int kFrames = 10;  ///< two seconds at 5 Hz: longer than any wheel row is late
 
  private:
+  std::optional<Message> report(const std::optional<TimeRange>& rows);
+
   std::string robot_;
-  TimeNs first_ns_ = 0;
+  TimeNs patience_ns_;
+  TimeRange seen_;  ///< frames
   int frames_ = 0;
   bool settled_ = false;  ///< a motion was given, or the message was returned
 };

@@ -12,12 +12,16 @@ using std::chrono::steady_clock;
 CeilingService::CeilingService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
       camera_(fleet.camera(context.options.camera)),
-      ends_(context),
+      ends_(context, runClock(context.options, fleet)),
       frames_(context, camera_, ends_),
+      live_times_(context, fleet),
+      clock_(runClock(context.options, fleet)),
       out_(context.bus.writer(context.topics.measurement, camera_.id), "measurement " + camera_.id,
            fleet::expectedReaders(fleet, "measurement", camera_.id)),
       front_end_(camera_.id.substr(camera_.id.find('/') + 1), camera_.model, fleet.markers.value(),
-                 markers::FinderOptions::read(fleet.service("localizer").child("markers"))) {}
+                 markers::FinderOptions::read(fleet.service("localizer").child("markers"))) {
+  if (camera_.source == fleet::CameraSource::kDevice) live_times_.follow(frames_, "camera " + camera_.id);
+}
 
 bool CeilingService::spin() {
   bool any = ends_.poll();
@@ -25,6 +29,7 @@ bool CeilingService::spin() {
     process(*frame);
     any = true;
   }
+  live_times_.report(status());
   if (!ended_ && frames_.ended()) {
     out_.end(ends_);
     ended_ = any = true;
@@ -50,8 +55,8 @@ void CeilingService::process(const bus::FrameView& frame) {
     state = FrameState::kTorn;
     found_.clear();
   }
-  adapters::toWire(camera_.id, frame.header.acquired_ns, frame.header.sequence, state, found_,
-                   runClock(context_.options), sample_);
+  adapters::toWire(camera_.id, frame.header.acquired_ns, frame.header.sequence, state, found_, clock_,
+                   sample_);
   out_.write(sample_, status());
   status().processed(steady_clock::now() - begun, state == FrameState::kOk);
 }

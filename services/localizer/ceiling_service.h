@@ -33,6 +33,8 @@ class CeilingService : public bus::Service {
   fleet::CameraSpec camera_;
   RunEnds ends_;
   FrameInlet frames_;
+  LiveTimes live_times_;
+  adapters::RunClock clock_;
   Outlet<v1::Measurement> out_;
   localizer::CeilingFrontEnd front_end_;
   std::vector<Measurement> found_;

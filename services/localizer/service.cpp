@@ -82,7 +82,9 @@ std::vector<Measurement> surveyed(const fleet::Fleet& fleet) {
 LocalizerService::LocalizerService(const bus::ServiceContext& context, const fleet::Fleet& fleet,
                                    const std::optional<Takeover>& takeover)
     : context_(context),
-      ends_(context),
+      ends_(context, runClock(context.options, fleet)),
+      clock_(runClock(context.options, fleet)),
+      live_times_(context, fleet),
       estimator_options_(estimation::EstimatorOptions::read(fleet.service("localizer").child("estimator"))),
       term_(static_cast<std::uint32_t>(context.options.incarnation)),
       own_frames_(ownFrames(fleet, estimator_options_)),
@@ -167,6 +169,8 @@ void LocalizerService::readMeasurements(const fleet::Fleet& fleet) {
         context_.bus.reader(context_.topics.measurement, source), merger_, ends_,
         bus::StreamSpec{"measurement " + source, source, 1, bus::StreamRole::kInput,
                         streamMode(context_.options), false}));
+    measurement_checks_.emplace_back("measurement " + source, "frames of the robots",
+                                     !bus::isDeterministic(context_.options.mode));
   }
 }
 
@@ -177,10 +181,12 @@ void LocalizerService::readObservers(const fleet::Fleet& fleet) {
     reports_.push_back(std::make_unique<Inlet<v1::Measurement, Payload>>(
         context_.bus.reader(context_.topics.measurement, source), merger_, ends_,
         bus::StreamSpec{"measurement " + source, robot, 0, bus::StreamRole::kInput, mode}));
+    live_times_.follow(*reports_.back(), "measurement " + source);
     if (fleet.robot(robot).has_wheels) {
       wheels_.push_back(std::make_unique<Inlet<v1::WheelOdometry, Payload>>(
           context_.bus.reader(context_.topics.wheels_odometry, robot), merger_, ends_,
           bus::StreamSpec{"wheels/odometry " + robot, robot, 2, bus::StreamRole::kSide, mode}));
+      live_times_.follow(*wheels_.back(), "wheels/odometry " + robot);
       robot_of_wheels_[wheels_.back()->stream()] = robot;
     }
     addOutputs(fleet, robot);
@@ -228,6 +234,7 @@ bool LocalizerService::pull() {
       return adapters::fromWire(wire, payload.emplace<dataset::WheelRow>());
     }) > 0;
   }
+  live_times_.report(status());
   return any;
 }
 
@@ -273,6 +280,9 @@ bool LocalizerService::spin() {
   if (!ended_ && merger_.finished()) {
     const std::vector<PoseEstimate> last = estimator_.finish();
     reportFindings(std::numeric_limits<std::size_t>::max());
+    if (bus::isDeterministic(context_.options.mode))
+      for (OverlapCheck& check : measurement_checks_)
+        if (const auto message = check.finish()) status().report(*message);
     publishCorrections(last);
     finish("");
     ended_ = any = true;
@@ -305,6 +315,7 @@ void LocalizerService::process() {
     for (const Measurement& value : measured != nullptr ? measured->values : report->values)
       values_.push_back(&value);
   }
+  if (!frames_.empty()) checkMeasurementTimes();
   const std::uint64_t rejected_poses = agreement_.rejected();
   agreement_.check(batch_.time, values_);
   for (const Message& message : agreement_.takeMessages()) status().report(message);
@@ -324,6 +335,13 @@ void LocalizerService::process() {
   status().processed(steady_clock::now() - begun);
   if (bus::isDeterministic(context_.options.mode)) refine();
   reportFindings(kRevisedAtOnce);
+}
+
+/// Notices a ceiling camera, or observations, on another clock than the frames of the robots.
+void LocalizerService::checkMeasurementTimes() {
+  for (std::size_t i = 0; i < measurements_.size(); ++i)
+    if (const auto message = measurement_checks_[i].addFrame(batch_.time, measurements_[i]->times()))
+      status().report(*message);
 }
 
 bool LocalizerService::isPast(const std::string& robot) const {
@@ -361,7 +379,7 @@ bool LocalizerService::background() {
 bool LocalizerService::publishAlignments() {
   const std::vector<Alignment> changed = estimator_.takeAlignments();
   for (const Alignment& alignment : changed) {
-    adapters::toWire(alignment, runClock(context_.options), alignment_sample_);
+    adapters::toWire(alignment, clock_, alignment_sample_);
     outputs_.at(alignment.robot).alignment.write(alignment_sample_, status());
   }
   return !changed.empty();
@@ -371,7 +389,7 @@ bool LocalizerService::publishPlaces() {
   for (Place& place : estimator_.takePlaces()) places_.push_back(std::move(place));
   const std::size_t now = std::min(places_.size(), kRevisedAtOnce);
   for (std::size_t i = 0; i < now; ++i) {
-    adapters::toWire(places_.front(), runClock(context_.options), place_sample_);
+    adapters::toWire(places_.front(), clock_, place_sample_);
     outputs_.at(places_.front().robot).place.write(place_sample_, status());
     places_.pop_front();
   }
@@ -411,7 +429,7 @@ void LocalizerService::publishPose(PoseEstimate pose) {
     if (pose.event == PoseEvent::kNone) pose.event = PoseEvent::kGap;
     status().report(localizer::poseGap(pose.robot, *gap_s, 1e-9 * static_cast<double>(pose.acquired_ns)));
   }
-  adapters::toWire(pose, runClock(context_.options), term_, sample_);  // does not change `published`
+  adapters::toWire(pose, clock_, term_, sample_);  // does not change `published`
   outputs_.at(pose.robot).pose.write(sample_, status());
   if (marked_robots_.names().count(pose.robot) > 0 && marked_robots_.isDue(pose)) publishCorrections({pose});
   const Message message = estimator_.status(pose.robot);
@@ -440,7 +458,7 @@ void LocalizerService::reportNeverLocalized() {
 
 void LocalizerService::publishObjects(const Report& report) {
   const Objects objects = observation_frames_.objectsOf(report, batch_.time, estimator_.estimator(), names_);
-  adapters::toWire(objects, runClock(context_.options), objects_sample_);
+  adapters::toWire(objects, clock_, objects_sample_);
   outputs_.at(report.robot).objects->write(objects_sample_, status());
 }
 
@@ -448,7 +466,7 @@ void LocalizerService::publishCorrections(const std::vector<PoseEstimate>& poses
   ++revision_;
   v1::KeyframePose wire;
   for (const PoseEstimate& pose : poses) {
-    adapters::toWire(occupancy::makeKeyframePose(pose, term_, revision_), runClock(context_.options), wire);
+    adapters::toWire(occupancy::makeKeyframePose(pose, term_, revision_), clock_, wire);
     outputs_.at(pose.robot).correction.write(wire, status());
   }
 }

@@ -10,6 +10,7 @@
 
 #include "bus/service.h"
 #include "common/inlet.h"
+#include "common/overlap_check.h"
 #include "dataset/dataset.h"
 #include "fleet/fleet.h"
 #include "localizer/ceiling_agreement.h"
@@ -85,6 +86,7 @@ class LocalizerService : public bus::Service {
   void addRecoveredPoses();
   void process();
   void takeWheels();
+  void checkMeasurementTimes();
   void publishPose(PoseEstimate pose);
   void noteLocalized(const PoseEstimate& pose);
   void reportNeverLocalized();
@@ -101,8 +103,11 @@ class LocalizerService : public bus::Service {
   bus::TimeMerger<Payload> merger_;
   bus::TimeMerger<Payload>::Batch batch_;
   RunEnds ends_;
+  adapters::RunClock clock_;
+  LiveTimes live_times_;
   std::vector<std::unique_ptr<Inlet<v1::Objects, Payload>>> objects_;
   std::vector<std::unique_ptr<Inlet<v1::Measurement, Payload>>> measurements_, reports_;
+  std::vector<OverlapCheck> measurement_checks_;  ///< of measurements_
   std::vector<std::unique_ptr<Inlet<v1::WheelOdometry, Payload>>> wheels_;
   std::map<int, std::string> robot_of_wheels_;  ///< by stream
   std::map<std::string, RobotOutputs> outputs_;

@@ -29,7 +29,7 @@ class DatasetWorldService::WheelStream final : public Stream {
  public:
   WheelStream(const bus::ServiceContext& context, const fleet::Fleet& fleet, dataset::RobotRecording& robot)
       : rows_(std::move(robot.wheels)),
-        clock_(runClock(context.options)),
+        clock_(runClock(context.options, fleet)),
         out_(context.bus.writer(context.topics.wheels_odometry, robot.name), "wheels/odometry " + robot.name,
              fleet::expectedReaders(fleet, "wheels/odometry", robot.name)) {
     sample_.robot(robot.name);
@@ -60,7 +60,7 @@ class DatasetWorldService::LaserStream final : public Stream {
       : robot_(robot.name),
         range_max_m_(robot.laser_sensor.range_max_m),
         rows_(std::move(robot.laser)),
-        clock_(runClock(context.options)),
+        clock_(runClock(context.options, fleet)),
         out_(context.bus.writer(context.topics.laser, robot.name), "laser " + robot.name,
              fleet::expectedReaders(fleet, "laser", robot.name)) {}
   bool done() const override { return next_ == rows_.size(); }
@@ -90,7 +90,7 @@ class DatasetWorldService::ObservationStream final : public Stream {
       : robot_(robot.name),
         rows_(std::move(robot.observations)),
         noise_(dataset::ObservationNoise::read(fleet.service("world").child("observations"))),
-        clock_(runClock(context.options)),
+        clock_(runClock(context.options, fleet)),
         out_(context.bus.writer(context.topics.measurement, "observations/" + robot.name),
              "measurement observations/" + robot.name,
              fleet::expectedReaders(fleet, "measurement", "observations/" + robot.name)) {}
@@ -125,7 +125,7 @@ class DatasetWorldService::ObservationStream final : public Stream {
 };
 
 DatasetWorldService::DatasetWorldService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
-    : context_(context), ends_(context) {
+    : context_(context), ends_(context, runClock(context.options, fleet)) {
   dataset::Dataset recording = dataset::Dataset::open(fleet.dataset);
   reportWarnings(recording.warnings);
   for (dataset::RobotRecording& robot : recording.robots) {

@@ -33,7 +33,7 @@ ArenaWorldService::ArenaWorldService(const bus::ServiceContext& context, const f
       realtime_(context.options.mode == bus::RunMode::kLive),
       options_(world::World::Options::read(fleet.service("world"))),
       world_(arenaOf(fleet), options_, static_cast<std::uint32_t>(fleet.seed)),
-      ends_(context),
+      ends_(context, runClock(context.options, fleet)),
       commands_(fleet.arena->robots.size()),
       commanded_ns_(commands_.size()) {
   for (const synthetic::ArenaRobot& robot : fleet.arena->robots) {
