@@ -188,6 +188,8 @@ void LocalizerService::readObservers(const fleet::Fleet& fleet) {
           bus::StreamSpec{"wheels/odometry " + robot, robot, 2, bus::StreamRole::kSide, mode}));
       live_times_.follow(*wheels_.back(), "wheels/odometry " + robot);
       robot_of_wheels_[wheels_.back()->stream()] = robot;
+      wheel_checks_.emplace(robot, OverlapCheck("wheels/odometry " + robot, "measurement " + source,
+                                                !bus::isDeterministic(context_.options.mode)));
     }
     addOutputs(fleet, robot);
   }
@@ -280,9 +282,7 @@ bool LocalizerService::spin() {
   if (!ended_ && merger_.finished()) {
     const std::vector<PoseEstimate> last = estimator_.finish();
     reportFindings(std::numeric_limits<std::size_t>::max());
-    if (bus::isDeterministic(context_.options.mode))
-      for (OverlapCheck& check : measurement_checks_)
-        if (const auto message = check.finish()) status().report(*message);
+    if (bus::isDeterministic(context_.options.mode)) reportTimes();
     publishCorrections(last);
     finish("");
     ended_ = any = true;
@@ -315,7 +315,7 @@ void LocalizerService::process() {
     for (const Measurement& value : measured != nullptr ? measured->values : report->values)
       values_.push_back(&value);
   }
-  if (!frames_.empty()) checkMeasurementTimes();
+  checkTimes();
   const std::uint64_t rejected_poses = agreement_.rejected();
   agreement_.check(batch_.time, values_);
   for (const Message& message : agreement_.takeMessages()) status().report(message);
@@ -337,11 +337,26 @@ void LocalizerService::process() {
   reportFindings(kRevisedAtOnce);
 }
 
-/// Notices a ceiling camera, or observations, on another clock than the frames of the robots.
-void LocalizerService::checkMeasurementTimes() {
-  for (std::size_t i = 0; i < measurements_.size(); ++i)
-    if (const auto message = measurement_checks_[i].addFrame(batch_.time, measurements_[i]->times()))
-      status().report(*message);
+/// Notices a ceiling camera, observations or wheels on another clock than the frames that they belong to.
+void LocalizerService::checkTimes() {
+  const auto check = [this](OverlapCheck& overlap, const std::optional<TimeRange>& samples) {
+    if (const auto message = overlap.addFrame(batch_.time, samples)) status().report(*message);
+  };
+  for (std::size_t i = 0; i < measurements_.size() && !frames_.empty(); ++i)
+    check(measurement_checks_[i], measurements_[i]->times());
+  for (const Report* report : reported_) {
+    for (const auto& wheels : wheels_)
+      if (robot_of_wheels_.at(wheels->stream()) == report->robot)
+        check(wheel_checks_.at(report->robot), wheels->times());
+  }
+}
+
+/// What only whole streams show.
+void LocalizerService::reportTimes() {
+  for (OverlapCheck& check : measurement_checks_)
+    if (const auto message = check.finish()) status().report(*message);
+  for (auto& [robot, check] : wheel_checks_)
+    if (const auto message = check.finish()) status().report(*message);
 }
 
 bool LocalizerService::isPast(const std::string& robot) const {

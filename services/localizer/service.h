@@ -86,8 +86,9 @@ class LocalizerService : public bus::Service {
   void addRecoveredPoses();
   void process();
   void takeWheels();
-  void checkMeasurementTimes();
   void publishPose(PoseEstimate pose);
+  void checkTimes();
+  void reportTimes();
   void noteLocalized(const PoseEstimate& pose);
   void reportNeverLocalized();
   void notePublished(std::size_t published, const std::vector<PoseEstimate>& poses);
@@ -107,7 +108,8 @@ class LocalizerService : public bus::Service {
   LiveTimes live_times_;
   std::vector<std::unique_ptr<Inlet<v1::Objects, Payload>>> objects_;
   std::vector<std::unique_ptr<Inlet<v1::Measurement, Payload>>> measurements_, reports_;
-  std::vector<OverlapCheck> measurement_checks_;  ///< of measurements_
+  std::vector<OverlapCheck> measurement_checks_;      ///< of measurements_
+  std::map<std::string, OverlapCheck> wheel_checks_;  ///< by robot: wheels beside observations
   std::vector<std::unique_ptr<Inlet<v1::WheelOdometry, Payload>>> wheels_;
   std::map<int, std::string> robot_of_wheels_;  ///< by stream
   std::map<std::string, RobotOutputs> outputs_;

@@ -208,6 +208,18 @@ class LaserBesideCamera : public LaserStage {
     test::drawBareFloor(loan, kImageWidth, kImageHeight);
     ASSERT_TRUE(camera_->publish());
   }
+  void endStreams() {
+    const auto ends = bench_.bus().writer(bench_.topics.run_end);
+    const std::map<std::string, TimeNs> last{
+        {"camera r1/fisheye", 3 * kScanPeriod}, {"laser r1", 1}, {"wheels/odometry r1", 3 * kScanPeriod}};
+    for (const auto& [stream, last_ns] : last) {
+      v1::RunEnd end;
+      end.stream(stream);
+      end.header().acquired_ns(last_ns);
+      end.samples(3);
+      EXPECT_TRUE(ends->write(end));
+    }
+  }
   /// The answer to a frame and to a scan that is `age` older.
   v1::LocalMap answerTo(std::uint32_t index, TimeNs age) {
     v1::LaserScan older = scan(index);
@@ -238,6 +250,25 @@ TEST_F(LaserBesideCamera, MergesScanOfSameTimeWithCamera) {
   EXPECT_EQ(map.scan().label()[0], static_cast<std::uint8_t>(RayLabel::kUnknown));
   EXPECT_EQ(map.scan().label()[180], static_cast<std::uint8_t>(RayLabel::kFloorEnd));
   EXPECT_LT(map.scan().range_m()[180], 4.0f) << "limited to the range of the camera";
+}
+
+TEST_F(LaserBesideCamera, ReportsScansOfAnotherClockAtTheEnd) {
+  for (std::uint32_t index = 1; index <= 3; ++index) {
+    v1::LaserScan other = scan(index);
+    other.header().acquired_ns(other.header().acquired_ns() / 1000);  // microseconds
+    EXPECT_TRUE(scans_->write(other));
+    sendFrame(index);
+    sendWheels(index * kScanPeriod);
+  }
+  endStreams();
+  bench_.spin();
+  std::vector<Message> messages = bench_.messages();
+  messages.erase(std::remove_if(messages.begin(), messages.end(),
+                                [](const Message& m) { return m.code != ErrorCode::kClockOffset; }),
+                 messages.end());
+  ASSERT_EQ(messages.size(), 1u);
+  EXPECT_THAT(messages[0].text, HasSubstr("camera r1/fisheye: 0.200 to 0.600 s, laser r1: 0.000 to 0.001 s"));
+  EXPECT_THAT(messages[0].text, HasSubstr("microseconds"));
 }
 
 TEST_F(LaserBesideCamera, IgnoresOlderScan) {
