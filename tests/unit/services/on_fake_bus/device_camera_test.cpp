@@ -10,6 +10,7 @@
 
 #include "camera/device_service.h"
 #include "camera/messages.h"
+#include "camera/service.h"
 #include "camera/source.h"
 #include "tests/test_data.h"
 #include "tests/unit/dataset/fake_device.h"
