@@ -72,14 +72,12 @@ v1::RejectionReason reasonToWire(global_merger::Reason reason) {
 }  // namespace
 
 MapPublisher::MapPublisher(const bus::ServiceContext& context, const std::string& map_name,
-                           const std::string& replica)
+                           const std::string& replica, adapters::RunClock clock)
     : map_name_(map_name),
       replica_(replica),
       bus_(context.bus),
       topics_(context.topics),
-      clock_(context.options.mode == bus::RunMode::kLive     ? adapters::RunClock::kSystem
-             : context.options.mode == bus::RunMode::kReplay ? adapters::RunClock::kDataset
-                                                             : adapters::RunClock::kSim),
+      clock_(clock),
       hash_(context.bus.writer(context.topics.map_hash)) {}
 
 void MapPublisher::speak(std::uint32_t term) {

@@ -13,7 +13,8 @@ namespace omnifleet::services {
 /// replicas).
 class MapPublisher {
  public:
-  MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica);
+  MapPublisher(const bus::ServiceContext& context, const std::string& map_name, const std::string& replica,
+               adapters::RunClock clock);
 
   /// From now on this replica publishes the map with this term; 0: it publishes the hash only. The next
   /// update() publishes.

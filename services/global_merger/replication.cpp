@@ -21,10 +21,11 @@ std::uint64_t digestOf(const Sample& sample) {
 
 }  // namespace
 
-Replication::Replication(const bus::ServiceContext& context, const std::string& robot,
-                         const std::vector<std::string>& robots, const occupancy::ReconcilerOptions& options)
+Replication::Replication(const bus::ServiceContext& context, adapters::RunClock clock,
+                         const std::string& robot, const std::vector<std::string>& robots,
+                         const occupancy::ReconcilerOptions& options)
     : robot_(robot),
-      clock_(runClock(context.options)),
+      clock_(clock),
       options_(options),
       reconciler_(robot, robots, options),
       have_in_(context.bus.reader(context.topics.map_have)),

@@ -21,7 +21,7 @@ class Replication {
   using Time = std::chrono::steady_clock::time_point;
 
   /// @param robots of the fleet
-  Replication(const bus::ServiceContext& context, const std::string& robot,
+  Replication(const bus::ServiceContext& context, adapters::RunClock clock, const std::string& robot,
               const std::vector<std::string>& robots, const occupancy::ReconcilerOptions& options);
 
   /// The set in `store` has changed by this sample.

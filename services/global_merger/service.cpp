@@ -57,9 +57,10 @@ global_merger::KeyframeOptions keyframeOptions(const fleet::Fleet& fleet, const 
 
 GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, const fleet::Fleet& fleet)
     : context_(context),
+      clock_(runClock(context.options, fleet)),
       robot_(fleet.robot(context.options.robot).name),
       saves_(fleet.savingReplica(context.options.host) == robot_),
-      ends_(context),
+      ends_(context, clock_),
       contributions_(context.bus.reader(context.topics.map_contribution)),
       keyframe_poses_(context.bus.reader(context.topics.map_keyframe_pose)),
       contribution_out_(context.bus.writer(context.topics.map_contribution, robot_),
@@ -67,7 +68,7 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
                         fleet::expectedReaders(fleet, "map/contribution", robot_)),
       pose_out_(context.bus.writer(context.topics.map_keyframe_pose, robot_), poseStream(robot_),
                 fleet::expectedReaders(fleet, "map/keyframe_pose", robot_)),
-      publisher_(context, fleet.name, robot_),
+      publisher_(context, fleet.name, robot_, clock_),
       maker_(keyframeOptions(fleet, robot_)),
       replica_(emptyMap(context, fleet, "")),
       own_maps_(saves_ ? fleet.locatedRobots() : std::vector<std::string>{},
@@ -83,7 +84,7 @@ GlobalMergerService::GlobalMergerService(const bus::ServiceContext& context, con
   const auto replication =
       occupancy::ReconcilerOptions::read(fleet.service("global_merger").child("replication"));
   if (context.options.mode == bus::RunMode::kLive) {
-    replication_.emplace(context_, robot_, fleet.locatedRobots(), replication);
+    replication_.emplace(context_, clock_, robot_, fleet.locatedRobots(), replication);
   }
   const std::vector<std::string> replicas = fleet.replicas();
   if (context.options.mode == bus::RunMode::kLive && replicas.size() > 1) {
@@ -323,8 +324,8 @@ void GlobalMergerService::contribute() {
     if (auto made = is_owner ? maker_.make(objects, pose) : std::nullopt) {
       add(made->contribution);
       add(made->pose);
-      adapters::toWire(made->contribution, runClock(context_.options), own_contribution_);
-      adapters::toWire(made->pose, runClock(context_.options), own_keyframe_pose_);
+      adapters::toWire(made->contribution, clock_, own_contribution_);
+      adapters::toWire(made->pose, clock_, own_keyframe_pose_);
       contribution_out_.write(own_contribution_, status());
       pose_out_.write(own_keyframe_pose_, status());
     }

@@ -72,6 +72,7 @@ class GlobalMergerService : public bus::Service {
   bool speak();
 
   bus::ServiceContext context_;
+  adapters::RunClock clock_;
   std::string robot_;
   bool saves_;
   bus::TimeMerger<Payload> merger_;
