@@ -1,195 +1,180 @@
+// Which calibration file this is, by its keys, and the way from a file to a ForeignLens.
 #include <fmt/format.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
-#include <opencv2/core.hpp>
-#include <opencv2/core/persistence.hpp>
-#include <string>
+#include <array>
+#include <filesystem>
 
-#include "lens/models.h"
+#include "lens/foreign.h"
 
 namespace omnifleet::lens {
 namespace {
 
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-  return text;
-}
-
-[[noreturn]] void fail(const std::string& path, const std::string& problem) {
-  throw options::Error(fmt::format("{}: {}", path, problem));
-}
-
-/// The numbers that every calibration file states, each format under its own keys.
-struct Intrinsics {
-  int width_px = 0, height_px = 0;
-  std::vector<double> camera_matrix;  ///< 9 values, row-major
-  std::vector<double> distortion;
-  bool fisheye = false;  ///< OpenCV's fisheye model; otherwise its pinhole model
+struct ModelName {
+  const char* normalized;
+  Family family;
 };
+constexpr std::array<ModelName, 16> kModelNames{{{"equidistant", Family::kFisheye},
+                                                 {"fisheye", Family::kFisheye},
+                                                 {"kannalabrandt", Family::kFisheye},
+                                                 {"kannalabrandt4", Family::kFisheye},
+                                                 {"kannalabrandt8", Family::kFisheye},
+                                                 {"equi", Family::kFisheye},
+                                                 {"opencvfisheye", Family::kFisheye},
+                                                 {"plumbbob", Family::kPinhole},
+                                                 {"rationalpolynomial", Family::kPinhole},
+                                                 {"radtan", Family::kPinhole},
+                                                 {"radialtangential", Family::kPinhole},
+                                                 {"brownconrady", Family::kPinhole},
+                                                 {"pinhole", Family::kPinhole},
+                                                 {"perspective", Family::kPinhole},
+                                                 {"rational", Family::kPinhole},
+                                                 {"opencv", Family::kPinhole}}};
 
-void toModel(const std::string& path, const Intrinsics& in, CameraModel& model) {
-  if (in.camera_matrix.size() != 9) fail(path, "camera_matrix: must be 3×3");
-  if (in.width_px > 0) model.image_width_px = in.width_px;
-  if (in.height_px > 0) model.image_height_px = in.height_px;
-  if (model.image_width_px <= 0 || model.image_height_px <= 0) {
-    fail(path,
-         "image_width, image_height: missing; add them, or refer to this file under `calibration:` in a "
-         "sensor.yaml that states them");
-  }
-  model.kind = in.fisheye ? CameraKind::kFisheye : CameraKind::kPinhole;
-  model.projection = in.fisheye ? Projection::kKannalaBrandt : Projection::kPinhole;
-  model.focal_px = {in.camera_matrix[0], in.camera_matrix[4]};
-  model.principal_point_px = {in.camera_matrix[2], in.camera_matrix[5]};
-  model.distortion = in.distortion;
-  const auto is_zero = [](double value) { return value == 0.0; };
-  while (model.distortion.size() > 8 && is_zero(model.distortion.back())) model.distortion.pop_back();
-  if (in.fisheye) {
-    try {
-      model.fov_deg = widestFovDeg(model);
-    } catch (const options::Error& error) {
-      fail(path, error.what());
-    }
-  }
+const std::vector<std::string> kOwnKeys{"camera_model", "projection",          "focal_px",
+                                        "skew_px",      "principal_point_px",  "fov_deg",
+                                        "position_m",   "rotation_rpy_deg",    "self_mask_radius_px",
+                                        "calibration",  "reprojection_rms_px", "camera"};
+
+int lineInXml(const std::string& text, const std::string& key) {
+  const std::size_t at = text.find("<" + key);
+  return at == std::string::npos ? 0
+                                 : static_cast<int>(std::count(
+                                       text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
 }
 
-bool isFisheyeName(const std::string& name) {
-  const std::string text = lower(name);
-  return text == "equidistant" || text == "fisheye" || text == "kannala_brandt";
-}
-
-std::vector<double> values(const cv::FileNode& node) {
-  cv::Mat matrix;
-  if (node.isMap()) {
-    node >> matrix;
-  } else if (node.isSeq()) {
-    std::vector<double> list;
-    node >> list;
-    return list;
-  }
-  cv::Mat real;
-  matrix.convertTo(real, CV_64F);
-  return std::vector<double>(real.begin<double>(), real.end<double>());
-}
-
-void readVector3(const cv::FileNode& node, Eigen::Vector3d& out) {
-  const std::vector<double> v = values(node);
-  if (v.size() == 3) out = {v[0], v[1], v[2]};
-}
-
-/// OpenCV's calibration programs spell their keys in several ways (camera_matrix, Camera_Matrix,
-/// cameraMatrix, K).
-void readOpenCv(const std::string& path, const std::string& text, CameraModel& model) {
-  Intrinsics in;
-  try {
-    const cv::FileStorage file(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
-    if (!file.isOpened()) fail(path, "cannot be read as an OpenCV FileStorage");
-    const cv::FileNode root = file.root();
-    for (const cv::FileNode& node : root) {
-      std::string key = lower(node.name());
-      key.erase(std::remove(key.begin(), key.end(), '_'), key.end());
-      if (key == "cameramatrix" || key == "k") in.camera_matrix = values(node);
-      if (key == "distortioncoefficients" || key == "distcoeffs" || key == "d") in.distortion = values(node);
-      if (key == "imagewidth") in.width_px = static_cast<int>(node.real());
-      if (key == "imageheight") in.height_px = static_cast<int>(node.real());
-      if (key == "imagesize" && node.size() == 2) {
-        in.width_px = static_cast<int>(node[0].real());
-        in.height_px = static_cast<int>(node[1].real());
-      }
-      if (key == "fisheyemodel") in.fisheye = node.isInt() && static_cast<int>(node) != 0;
-      if (key == "distortionmodel") in.fisheye = isFisheyeName(node.string());
-      if (key == "xi" && node.isReal() && node.real() != 0.0)
-        fail(path, "xi: the omnidir model is not supported; calibrate the lens as ocam");
-      if (key == "positionm") readVector3(node, model.position_m);
-      if (key == "rotationrpydeg") readVector3(node, model.rotation_rpy_deg);
-      if (key == "selfmaskradiuspx") model.self_mask_radius_px = node.real();
-    }
-  } catch (const cv::Exception& error) {
-    fail(path, fmt::format("not a valid OpenCV FileStorage: {}", error.err));
-  }
-  toModel(path, in, model);
-}
-
-std::vector<double> numbers(const std::string& path, const YAML::Node& node, const std::string& key) {
-  try {
-    return node.as<std::vector<double>>();
-  } catch (const YAML::Exception&) {
-    throw options::Error(
-        fmt::format("{}:{}: {}: expected a list of numbers", path, node.Mark().line + 1, key));
-  }
-}
-
-/// ROS camera_info as the `camera_calibration` tool writes it: the keys of OpenCV in plain YAML.
-void readCameraInfo(const std::string& path, const YAML::Node& root, CameraModel& model) {
-  Intrinsics in;
-  in.width_px = root["image_width"].as<int>(0);
-  in.height_px = root["image_height"].as<int>(0);
-  in.camera_matrix = numbers(path, root["camera_matrix"]["data"], "camera_matrix.data");
-  if (root["distortion_coefficients"]) {
-    in.distortion = numbers(path, root["distortion_coefficients"]["data"], "distortion_coefficients.data");
-  }
-  in.fisheye = isFisheyeName(root["distortion_model"].as<std::string>(""));
-  toModel(path, in, model);
-}
-
-/// The first camera of a Kalibr camchain. T_cam_imu is ignored, because it is not a pose in base_link.
-void readKalibr(const std::string& path, const YAML::Node& camera, CameraModel& model) {
-  const auto at = [&](const char* key) {
-    if (!camera[key])
-      throw options::Error(fmt::format("{}:{}: cam0.{}: is required", path, camera.Mark().line + 1, key));
-    return camera[key];
+/// The own keys of a document as a section whose messages keep the lines of the file.
+options::Section ownSection(const Document& document) {
+  struct Own {
+    int line;
+    std::string key, value;
   };
-  const auto kind = at("camera_model").as<std::string>();
-  if (kind != "pinhole") fail(path, fmt::format("cam0.camera_model: '{}' must be pinhole", kind));
-  const std::vector<double> f = numbers(path, at("intrinsics"), "cam0.intrinsics");
-  const std::vector<double> size = numbers(path, at("resolution"), "cam0.resolution");
-  if (f.size() != 4 || size.size() != 2)
-    fail(path, "cam0: intrinsics must be [fu, fv, pu, pv], resolution must be [width, height]");
-  Intrinsics in{static_cast<int>(size[0]),
-                static_cast<int>(size[1]),
-                {f[0], 0, f[2], 0, f[1], f[3], 0, 0, 1},
-                {},
-                false};
-  const auto distortion = camera["distortion_model"].as<std::string>("none");
-  if (distortion != "equidistant" && distortion != "radtan" && distortion != "none") {
-    fail(path,
-         fmt::format("cam0.distortion_model: '{}' must be one of equidistant, radtan, none", distortion));
+  std::vector<Own> found;
+  for (const auto& entry : document.root) {
+    const std::string& key = entry.first.Scalar();
+    if (!isOwnKey(key, entry.second)) continue;
+    const bool matrix = entry.second.IsMap() && entry.second["data"];
+    YAML::Emitter value;
+    value << YAML::Flow << YAML::DoubleQuoted << key;
+    YAML::Emitter content;
+    content.SetMapFormat(YAML::Flow);
+    content.SetSeqFormat(YAML::Flow);
+    content << (matrix ? entry.second["data"] : entry.second);
+    std::string text = content.c_str();
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    const YAML::Mark mark = entry.first.Mark();
+    found.push_back({mark.is_null() ? lineInXml(document.text, key) : mark.line, key, text});
   }
-  in.fisheye = distortion == "equidistant";
-  if (distortion != "none") in.distortion = numbers(path, at("distortion_coeffs"), "cam0.distortion_coeffs");
-  toModel(path, in, model);
+  std::stable_sort(found.begin(), found.end(), [](const Own& a, const Own& b) { return a.line < b.line; });
+  std::string text;
+  int line = 0;
+  for (const Own& own : found) {
+    for (; line < own.line; ++line) text += '\n';
+    text += own.key + ": " + own.value + '\n';
+    ++line;
+  }
+  return options::Section::parse(text, document.path);
+}
+
+Document withoutOwnKeys(const Document& document) {
+  Document rest = document;
+  rest.root.reset(YAML::Node(YAML::NodeType::Map));  // `=` would empty the root of `document` as well
+  for (const auto& entry : document.root) {
+    if (!isOwnKey(entry.first.Scalar(), entry.second)) rest.root.force_insert(entry.first, entry.second);
+  }
+  return rest;
 }
 
 }  // namespace
 
-bool readForeignCalibration(const std::string& path, CameraModel& model) {
-  std::ifstream file(path);
-  std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (text.rfind("\xEF\xBB\xBF", 0) == 0)
-    text.erase(0, 3);  // a byte order mark, which OpenCV does not accept
-  if (text.rfind("%YAML", 0) == 0 || text.rfind("<?xml", 0) == 0) {
-    readOpenCv(path, text, model);
-    return true;
+std::optional<Family> familyFromName(const std::string& name) {
+  const std::string plain = normalized(name);
+  for (const ModelName& known : kModelNames) {
+    if (plain == known.normalized) return known.family;
   }
-  try {
-    const YAML::Node root = YAML::LoadFile(path);
-    if (!root.IsMap()) return false;
-    if (root["cam0"]) {
-      readKalibr(path, root["cam0"], model);
-      return true;
-    }
-    if (root["camera_matrix"] && root["camera_matrix"]["data"]) {
-      readCameraInfo(path, root, model);
-      return true;
-    }
-  } catch (const YAML::BadConversion& error) {
-    throw options::Error(fmt::format("{}:{}: unexpected type of value", path, error.mark.line + 1));
-  } catch (const YAML::Exception&) {
-    return false;  // the options reader reports the error with its line
+  return std::nullopt;
+}
+
+void failUnknownModel(const std::string& place, const std::string& key, const std::string& name) {
+  throw options::Error(fmt::format(
+      "{}: {}: '{}' is not known; known are equidistant, fisheye, kannala_brandt (fisheye), plumb_bob, "
+      "rational_polynomial, radtan, pinhole (pinhole). If it is one of them under another name, write that "
+      "name; "
+      "otherwise calibrate again with scripts/calibrate.sh",
+      place, key, name));
+}
+
+std::string familyName(Family family) {
+  return family == Family::kPinhole ? "pinhole" : family == Family::kFisheye ? "fisheye" : "ocam";
+}
+
+bool isOwnKey(const std::string& key, const YAML::Node& value) {
+  if (key == "distortion") return value.IsSequence();
+  return std::find(kOwnKeys.begin(), kOwnKeys.end(), key) != kOwnKeys.end();
+}
+
+FileKind kindOf(const Document& document) {
+  if (isOcamCalib(document)) return FileKind::kOcamCalib;
+  if (isKalibr(document)) return FileKind::kKalibr;
+  if (!otherFormat(document).empty()) return FileKind::kOther;
+  return isMatrixFile(document) ? FileKind::kMatrix : FileKind::kOwn;
+}
+
+ForeignLens readForeign(const Document& document, FileKind kind, const std::string& camera) {
+  if (kind == FileKind::kOther)
+    throw options::Error(fmt::format("{}: is {}", document.path, otherFormat(document)));
+  if (document.isMap()) rejectRepeatedKeys(document, document.root);
+  if (kind == FileKind::kKalibr) return readKalibr(document, camera);
+  const auto name = kind == FileKind::kMatrix ? document.root["camera_name"] : YAML::Node();
+  const std::string own = name && name.IsScalar() ? name.Scalar() : "";
+  if (!camera.empty() && camera != own)
+    throw options::Error(fmt::format("{}: has no camera '{}' (`camera:`); it describes one camera{}",
+                                     document.path, camera, own.empty() ? " without a name" : ", " + own));
+  return kind == FileKind::kOcamCalib ? readOcamCalib(document) : readMatrixFile(document);
+}
+
+SensorFile readSensorFile(const std::string& path) {
+  const Document document = readDocument(path);
+  const FileKind kind = kindOf(document);
+  if (kind == FileKind::kOwn) {
+    const std::size_t begin = document.text.find_first_not_of(" \t\r\n");
+    if (begin != std::string::npos && document.text[begin] == '<')
+      throw options::Error(path +
+                           ": this XML file has no camera_matrix; it is no calibration file of OpenCV");
+    return {options::Section::parse(document.text, path), std::nullopt};
   }
-  return false;
+  if (!document.isMap()) return {options::Section::parse("", path), readForeign(document, kind, "")};
+  const options::Section own = ownSection(document);
+  if (own.has("calibration"))
+    own.fail("calibration",
+             "names another file, but this file has the keys of a calibration itself; remove one of them");
+  std::string camera;
+  own.read("camera", camera);
+  const Document rest = kind == FileKind::kOther ? document : withoutOwnKeys(document);
+  return {own, readForeign(rest, kind, camera)};
+}
+
+ForeignLens readCalibrationFile(const options::Section& section, const std::string& name) {
+  const auto path = (std::filesystem::path(section.file()).parent_path() / name).string();
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored))
+    section.fail("calibration",
+                 fmt::format("{}: no such file (the path is relative to the folder of this file)", path));
+  const Document document = readDocument(path);
+  if (!document.yaml_error.empty() && !isOcamCalib(document) && otherFormat(document).empty())
+    throw options::Error(fmt::format("{}:{}", path, document.yaml_error));
+  const FileKind kind = kindOf(document);
+  if (kind == FileKind::kOwn)
+    section.fail(
+        "calibration",
+        fmt::format(
+            "{} has the structure of no known calibration file: OpenCV and ROS have camera_matrix (or K) "
+            "and distortion_coefficients (or D), Kalibr has cam0, OCamCalib's calib_results.txt five "
+            "lines of numbers",
+            path));
+  std::string camera;
+  section.read("camera", camera);
+  return readForeign(document, kind, camera);
 }
 
 }  // namespace omnifleet::lens

@@ -55,6 +55,10 @@ std::unique_ptr<const Lens> Lens::make(const CameraModel& model) {
       model.projection != Projection::kOcam || model.kind == CameraKind::kEquirectangular;
   check(!needs_focal || (model.focal_px.allFinite() && model.focal_px.minCoeff() > 0.0),
         "focal_px: must be positive");
+  check(std::isfinite(model.skew_px), "skew_px: must be a finite number");
+  check(model.skew_px == 0.0 ||
+            (model.kind != CameraKind::kEquirectangular && model.projection != Projection::kOcam),
+        "skew_px: only fisheye and pinhole lenses have it; ocam has c, d, e instead");
   if (model.kind == CameraKind::kEquirectangular) return makeEquirectangular(model);
   checkDistortion(model);
   if (model.projection == Projection::kPinhole) return makePinhole(model);

@@ -30,6 +30,7 @@ struct CameraModel {
   int image_height_px = 0;
   Eigen::Vector2d focal_px{0.0, 0.0};
   Eigen::Vector2d principal_point_px{0.0, 0.0};
+  double skew_px = 0.0;    ///< K[0][1]: u = fx·x + skew·y + cx. Fisheye and pinhole; ocam has c, d, e
   double fov_deg = 180.0;  ///< full angle of the valid circle; ignored for pinhole and equirectangular
   /// Distortion values per projection:
   /// kannala_brandt: k1, k2, k3, k4 (OpenCV's fisheye model).
@@ -52,8 +53,10 @@ struct CameraModel {
   /// points straight down, with image right (u) along −y and image down (v) along −x.
   Eigen::Isometry3d parentFromCamera() const;
 
-  /// Reads `sensor.yaml`, or an OpenCV or Kalibr calibration file. Throws options::Error that names file,
-  /// line, key and bound.
+  /// Reads `sensor.yaml`, which may name a calibration file of another program (`calibration:`, `camera:`) or
+  /// be one itself (lens/foreign.h lists the formats). Throws options::Error that names file, line, key and
+  /// bound: also for a lens model that neither the file nor the user states, and for a lens that makes no
+  /// sense for its image.
   static CameraModel load(const std::string& path);
   static CameraModel read(const options::Section& section);
   /// Text of sensor.yaml. Reading it returns equal numbers.

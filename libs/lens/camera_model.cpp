@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "lens/camera.h"
+#include "lens/foreign.h"
 #include "lens/models.h"
 
 namespace omnifleet::lens {
@@ -48,39 +49,37 @@ void readName(const options::Section& section, const std::string& key, const std
   }
 }
 
-/// Reads the image size and, if `calibration` names an OpenCV or Kalibr file, the intrinsics from it. True in
-/// that case.
-bool readCalibration(const options::Section& section, CameraModel& model) {
+/// Reads image size and lens model. They come from the section, or from a calibration file and the section.
+void readImageAndModel(const options::Section& section, const std::optional<ForeignLens>& lens,
+                       CameraModel& model) {
   const options::Range size{1, 32768};
-  std::string file;
-  section.read("calibration", file);
   section.read("image_width", model.image_width_px, size);
   section.read("image_height", model.image_height_px, size);
-  if (file.empty()) {
-    if (model.image_width_px == 0) section.fail("image_width", "is required");
-    if (model.image_height_px == 0) section.fail("image_height", "is required");
-    return false;
-  }
-  const auto path = std::filesystem::path(section.file()).parent_path() / file;
-  if (!readForeignCalibration(path.string(), model)) {
-    section.fail("calibration", "must name an OpenCV or Kalibr calibration file");
-  }
-  return true;
-}
-
-void readKind(const options::Section& section, bool from_file, CameraModel& model) {
   readName(section, "camera_model", kKinds, model.kind);
-  if (!from_file && model.kind == CameraKind::kPinhole) model.projection = Projection::kPinhole;
-  if (!from_file && model.kind == CameraKind::kCatadioptric) model.projection = Projection::kOcam;
-  if (model.kind == CameraKind::kEquirectangular) {
+  if (!lens && model.kind == CameraKind::kPinhole) model.projection = Projection::kPinhole;
+  if (!lens && model.kind == CameraKind::kCatadioptric) model.projection = Projection::kOcam;
+  if (model.kind == CameraKind::kEquirectangular && !lens) {
     std::string ignored;
     section.read("projection", ignored);
-    return;
+  } else {
+    if (!lens && model.kind == CameraKind::kFisheye && !section.has("projection"))
+      section.fail("projection", "is required for a fisheye lens");
+    readName(section, "projection", kProjections, model.projection);
   }
-  if (!from_file && model.kind == CameraKind::kFisheye && !section.has("projection")) {
-    section.fail("projection", "is required for a fisheye lens");
-  }
-  readName(section, "projection", kProjections, model.projection);
+  if (lens) return applyForeign(section, *lens, model);
+  if (model.image_width_px == 0) section.fail("image_width", "is required");
+  if (model.image_height_px == 0) section.fail("image_height", "is required");
+}
+
+/// The lens of the file that `calibration:` names, if any.
+std::optional<ForeignLens> readNamedCalibration(const options::Section& section) {
+  std::string file;
+  section.read("calibration", file);
+  if (!file.empty()) return readCalibrationFile(section, file);
+  if (section.has("camera"))
+    section.fail("camera",
+                 "chooses one of the cameras of a calibration file, but there is no `calibration:`");
+  return std::nullopt;
 }
 
 // Values outside these ranges indicate a wrong unit.
@@ -114,14 +113,17 @@ void fillDefaults(const options::Section& section, bool known_intrinsics, Camera
   if (!section.has("principal_point_px")) section.fail("principal_point_px", "is required");
 }
 
-/// The message of Lens::make begins with the key. This adds file and line.
-[[noreturn]] void failAtKey(const options::Section& section, const std::string& message) {
+/// The message of Lens::make begins with the key. This adds file and line: those of the calibration file,
+/// unless the key stands in the section.
+[[noreturn]] void failAtKey(const options::Section& section, const std::optional<ForeignLens>& lens,
+                            const std::string& message) {
   const std::size_t colon = message.find(": ");
-  if (colon == std::string::npos) section.fail("distortion", message);
-  section.fail(message.substr(0, colon), message.substr(colon + 2));
+  const std::string key = colon == std::string::npos ? "distortion" : message.substr(0, colon);
+  if (lens && !section.has(key)) throw options::Error(fmt::format("{}: {}", lens->path, message));
+  section.fail(key, colon == std::string::npos ? message : message.substr(colon + 2));
 }
 
-void checkLens(const options::Section& section, CameraModel& model) {
+void checkLens(const options::Section& section, const std::optional<ForeignLens>& lens, CameraModel& model) {
   if (model.projection == Projection::kStereographic && model.fov_deg > kWidest_deg)
     section.fail("fov_deg",
                  fmt::format("must be at most {:g}: a stereographic lens has no image at 180° from its axis "
@@ -129,33 +131,23 @@ void checkLens(const options::Section& section, CameraModel& model) {
                              kWidest_deg));
   const bool has_field =
       model.kind != CameraKind::kEquirectangular && model.projection != Projection::kPinhole;
+  const bool fov_is_stated = section.has("fov_deg");
   try {
-    if (has_field && !section.has("fov_deg")) model.fov_deg = widestFovDeg(model);
+    checkPlausibleNumbers(model);
+    if (has_field && !fov_is_stated) model.fov_deg = widestFovDeg(model);
     Lens::make(model);
+    checkPlausibleView(model, fov_is_stated);
   } catch (const options::Error& error) {
-    failAtKey(section, error.what());
+    failAtKey(section, lens, error.what());
   }
 }
 
-}  // namespace
-
-CameraModel CameraModel::load(const std::string& path) {
+CameraModel readModel(const options::Section& section, const std::optional<ForeignLens>& lens) {
   CameraModel model;
-  if (!readForeignCalibration(path, model)) return read(options::Section::load(path));
-  try {
-    Lens::make(model);
-  } catch (const options::Error& error) {
-    throw options::Error(fmt::format("{}: {}", path, error.what()));
-  }
-  return model;
-}
-
-CameraModel CameraModel::read(const options::Section& section) {
-  CameraModel model;
-  const bool from_file = readCalibration(section, model);
-  readKind(section, from_file, model);
+  readImageAndModel(section, lens, model);
   readFocal(section, model.focal_px);
   section.read("principal_point_px", model.principal_point_px);
+  section.read("skew_px", model.skew_px);
   section.read("fov_deg", model.fov_deg, {1.0, 360.0});
   section.read("distortion", model.distortion);
   section.read("position_m", model.position_m, {-kFarthest_m, kFarthest_m});
@@ -163,9 +155,20 @@ CameraModel CameraModel::read(const options::Section& section) {
   section.read("self_mask_radius_px", model.self_mask_radius_px, options::kNotNegative);
   section.read("reprojection_rms_px", model.reprojection_rms_px, options::kNotNegative);
   section.finish();
-  fillDefaults(section, from_file, model);
-  checkLens(section, model);
+  fillDefaults(section, lens.has_value(), model);
+  checkLens(section, lens, model);
   return model;
+}
+
+}  // namespace
+
+CameraModel CameraModel::load(const std::string& path) {
+  const SensorFile file = readSensorFile(path);
+  return file.lens ? readModel(file.own, file.lens) : read(file.own);
+}
+
+CameraModel CameraModel::read(const options::Section& section) {
+  return readModel(section, readNamedCalibration(section));
 }
 
 std::string CameraModel::toYaml() const {
@@ -175,6 +178,7 @@ std::string CameraModel::toYaml() const {
   text += fmt::format("image_width: {}\nimage_height: {}\n", image_width_px, image_height_px);
   if (focal_px.minCoeff() > 0.0) text += fmt::format("focal_px: [{}, {}]\n", focal_px.x(), focal_px.y());
   text += fmt::format("principal_point_px: [{}, {}]\n", principal_point_px.x(), principal_point_px.y());
+  if (skew_px != 0.0) text += fmt::format("skew_px: {}\n", skew_px);
   text += fmt::format("fov_deg: {}\ndistortion: [{}]\n", fov_deg, fmt::join(distortion, ", "));
   text += fmt::format("position_m: [{}, {}, {}]\n", position_m.x(), position_m.y(), position_m.z());
   text += fmt::format("rotation_rpy_deg: [{}, {}, {}]\n", rotation_rpy_deg.x(), rotation_rpy_deg.y(),

@@ -31,6 +31,7 @@ Camera hemisphere(const Camera& sensor, double focal_px) {
   model.kind = CameraKind::kFisheye;
   model.projection = Projection::kOrthographic;
   model.focal_px = {focal_px, focal_px};
+  model.skew_px = 0.0;
   model.fov_deg = std::min(model.fov_deg, 180.0);
   model.distortion.clear();
   return Camera(model);

@@ -77,7 +77,10 @@ template <typename Profile>
 class RadialLens : public Lens {
  public:
   RadialLens(const CameraModel& model, const Profile& profile)
-      : focal_(model.focal_px), centre_(model.principal_point_px), profile_(profile) {
+      : focal_(model.focal_px),
+        centre_(model.principal_point_px),
+        skew_px_(model.skew_px),
+        profile_(profile) {
     const double half = 0.5 * model.fov_deg * kDegree + kEdgeSlack_rad;
     open_ = half >= profile_.domain();
     end_rad_ = open_ ? profile_.domain() : half;
@@ -90,11 +93,14 @@ class RadialLens : public Lens {
     if (!within(theta, end_rad_) || !std::isfinite(side) || (side == 0.0 && !(ray.z() > 0.0)))
       return std::nullopt;
     const double scale = side > 0.0 ? profile_.radius(theta) / side : 0.0;
-    return Eigen::Vector2d(centre_ + scale * focal_.cwiseProduct(ray.head<2>()));
+    Eigen::Vector2d pixel = centre_ + scale * focal_.cwiseProduct(ray.head<2>());
+    pixel.x() += skew_px_ * (scale * ray.y());
+    return pixel;
   }
 
   std::optional<Eigen::Vector3d> rayFromPixel(const Eigen::Vector2d& pixel) const override {
-    const Eigen::Vector2d m = (pixel - centre_).cwiseQuotient(focal_);
+    Eigen::Vector2d m = (pixel - centre_).cwiseQuotient(focal_);
+    m.x() -= skew_px_ / focal_.x() * m.y();
     const double radius = m.norm();
     if (!within(radius, end_radius_)) return std::nullopt;
     const double theta = profile_.angle(radius);
@@ -106,6 +112,7 @@ class RadialLens : public Lens {
   bool within(double value, double end) const { return open_ ? value < end : value <= end; }  // false for NaN
 
   Eigen::Vector2d focal_, centre_;
+  double skew_px_ = 0.0;
   Profile profile_;
   bool open_ = false;  ///< the projection ends before the field of view
   double end_rad_ = 0.0, end_radius_ = 0.0;

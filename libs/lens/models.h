@@ -15,9 +15,9 @@ inline constexpr double kDegree = 3.14159265358979323846 / 180.0;
 /// trip.
 inline constexpr double kEdgeSlack_rad = 1e-9;
 
-/// Radially symmetric lens r = F·ρ(θ), θ from the optical axis. ρ per projection:
-/// orthographic: sin θ. Choi et al. 2014, eq. 6–7: x_u = x_d·L/F, L = F²/√(F² − r²), i.e. F·tan θ. Undefined
-/// for r ≥ F, so the field of view ends before 90°, independent of fov_deg.
+/// Radially symmetric lens r = F·ρ(θ), θ from the optical axis, then the affine map (fx, skew; 0, fy) of the
+/// pixels. ρ per projection: orthographic: sin θ. Choi et al. 2014, eq. 6–7: x_u = x_d·L/F, L = F²/√(F² −
+/// r²), i.e. F·tan θ. Undefined for r ≥ F, so the field of view ends before 90°, independent of fov_deg.
 /// equidistant: θ
 /// equisolid: 2 sin θ/2
 /// stereographic: 2 tan θ/2
@@ -42,9 +42,5 @@ std::string breakMessage(const CameraModel& model, double break_rad);
 /// Full angle (degrees) up to which the parameters can be inverted, limited to the farthest image corner.
 /// Used for calibrations that do not state their field of view.
 double widestFovDeg(CameraModel model);
-
-/// Reads the intrinsics of an OpenCV FileStorage (.xml, .yml), ROS camera_info or Kalibr camchain. False if
-/// the file is none of these. If the file does not state the image size, that of `model` stays.
-bool readForeignCalibration(const std::string& path, CameraModel& model);
 
 }  // namespace omnifleet::lens

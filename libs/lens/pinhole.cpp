@@ -13,7 +13,8 @@ constexpr double kWidest_rad = 89.9 * kDegree;
 
 class PinholeLens : public Lens {
  public:
-  explicit PinholeLens(const CameraModel& model) : focal_(model.focal_px), centre_(model.principal_point_px) {
+  explicit PinholeLens(const CameraModel& model)
+      : focal_(model.focal_px), centre_(model.principal_point_px), skew_px_(model.skew_px) {
     for (std::size_t i = 0; i < model.distortion.size(); ++i) k_[i] = model.distortion[i];
     tangential_ = k_[2] != 0.0 || k_[3] != 0.0;
     const auto slope = [this](double theta) { return radial(std::tan(theta)).second; };
@@ -30,11 +31,14 @@ class PinholeLens : public Lens {
     Eigen::Matrix2d jacobian;
     const Eigen::Vector2d d = distort(p, jacobian);
     if (tangential_ && !(jacobian.determinant() > 0.0)) return std::nullopt;
-    return Eigen::Vector2d(centre_ + focal_.cwiseProduct(d));
+    Eigen::Vector2d pixel = centre_ + focal_.cwiseProduct(d);
+    pixel.x() += skew_px_ * d.y();
+    return pixel;
   }
 
   std::optional<Eigen::Vector3d> rayFromPixel(const Eigen::Vector2d& pixel) const override {
-    const Eigen::Vector2d d = (pixel - centre_).cwiseQuotient(focal_);
+    Eigen::Vector2d d = (pixel - centre_).cwiseQuotient(focal_);
+    d.x() -= skew_px_ / focal_.x() * d.y();
     const std::optional<Eigen::Vector2d> p = undistort(d);
     if (!p) return std::nullopt;
     return Eigen::Vector3d(p->x(), p->y(), 1.0).normalized();
@@ -106,6 +110,7 @@ class PinholeLens : public Lens {
   }
 
   Eigen::Vector2d focal_, centre_;
+  double skew_px_ = 0.0;
   std::array<double, 8> k_{};
   bool tangential_ = false;
   double end_ = 0.0, end_distorted_ = 0.0;  ///< radius in the plane z = 1, before and after distortion

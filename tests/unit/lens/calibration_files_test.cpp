@@ -121,7 +121,7 @@ TEST(OpenCvFile, AcceptsByteOrderMark) {
   const omnifleet::test::TempFolder folder;
   for (const char* name : {"c.xml", "c.yml"}) {
     cv::FileStorage file(name, cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
-    file << "image_width" << 800 << "image_height" << 600;
+    file << "image_width" << 800 << "image_height" << 600 << "fisheye_model" << 0;
     file << "camera_matrix" << cv::Mat(cv::Matx33d(250, 0, 401, 0, 251, 299, 0, 0, 1));
     const std::string path = written(folder, name, "\xEF\xBB\xBF" + file.releaseAndGetString());
     EXPECT_EQ(CameraModel::load(path).focal_px, Eigen::Vector2d(250, 251)) << name;
@@ -148,7 +148,7 @@ TEST(OpenCvFile, RejectsDamagedOrIncompleteFile) {
   const omnifleet::test::TempFolder folder;
   EXPECT_THAT(refusal(written(folder, "d.yml", "%YAML:1.0\n---\ncamera_matrix: [1, 2\n")),
               HasSubstr("d.yml"));
-  EXPECT_THAT(refusal(written(folder, "e.yml", "%YAML:1.0\n---\nimage_width: 10\n")),
+  EXPECT_THAT(refusal(written(folder, "e.yml", "%YAML:1.0\n---\nimage_width: 10\nfisheye_model: 1\n")),
               HasSubstr("camera_matrix"));
 }
 

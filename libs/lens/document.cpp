@@ -1,0 +1,143 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <opencv2/core.hpp>
+#include <opencv2/core/persistence.hpp>
+
+#include "lens/foreign.h"
+
+namespace omnifleet::lens {
+namespace {
+
+YAML::Node nodeFromXml(const cv::FileNode& node) {
+  if (node.isMap()) {
+    YAML::Node map(YAML::NodeType::Map);
+    for (const cv::FileNode& child : node) {
+      if (child.name() != "type_id") map[child.name()] = nodeFromXml(child);
+    }
+    return map;
+  }
+  if (node.isSeq()) {
+    YAML::Node list(YAML::NodeType::Sequence);
+    for (const cv::FileNode& child : node) list.push_back(nodeFromXml(child));
+    return list;
+  }
+  if (node.isInt()) return YAML::Node(static_cast<int>(node));
+  if (node.isReal()) return YAML::Node(fmt::format("{:.17g}", node.real()));
+  return node.isString() ? YAML::Node(node.string()) : YAML::Node();
+}
+
+YAML::Node loadXml(const std::string& path, const std::string& text) {
+  try {
+    const cv::FileStorage file(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
+    if (file.isOpened()) return nodeFromXml(file.root());
+  } catch (const cv::Exception&) {
+  }
+  throw options::Error(fmt::format(
+      "{}: this XML file is not an OpenCV FileStorage; write its numbers into a sensor.yaml (focal_px, "
+      "principal_point_px, distortion, projection)",
+      path));
+}
+
+/// Blanks the lines "%YAML…" so that the line numbers stay.
+std::string withoutDirectives(std::string text) {
+  for (std::size_t at = 0; at != std::string::npos && at < text.size();) {
+    const std::size_t end = text.find('\n', at);
+    if (text.compare(at, 5, "%YAML") == 0)
+      std::fill(text.begin() + static_cast<std::ptrdiff_t>(at),
+                end == std::string::npos ? text.end() : text.begin() + static_cast<std::ptrdiff_t>(end), ' ');
+    at = end == std::string::npos ? end : end + 1;
+  }
+  return text;
+}
+
+void collectNumbers(const YAML::Node& node, std::vector<double>& values) {
+  if (node.IsSequence()) {
+    for (const YAML::Node& item : node) collectNumbers(item, values);
+    return;
+  }
+  const auto value = node.as<double>();
+  if (!std::isfinite(value)) throw YAML::BadConversion(node.Mark());
+  values.push_back(value);
+}
+
+}  // namespace
+
+std::string Document::place(const YAML::Node& node) const {
+  const YAML::Mark mark = node.Mark();
+  return mark.is_null() ? path : fmt::format("{}:{}", path, mark.line + 1);
+}
+
+Document readDocument(const std::string& path) {
+  Document document;
+  document.path = path;
+  std::ifstream file(path);
+  document.text = {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  if (document.text.empty()) options::Section::load(path);  // throws the reason, unless the file is empty
+  if (document.text.rfind("\xEF\xBB\xBF", 0) == 0) document.text.erase(0, 3);
+  const std::size_t first = document.text.find_first_not_of(" \t\r\n");
+  const char begin = first == std::string::npos ? '\0' : document.text[first];
+  if (begin == '<') {
+    document.root = loadXml(path, document.text.substr(first));
+    return document;
+  }
+  if (begin == '{') std::replace(document.text.begin(), document.text.end(), '\t', ' ');  // JSON
+  document.text = withoutDirectives(document.text);
+  try {
+    document.root = YAML::Load(document.text);
+  } catch (const YAML::Exception& error) {
+    document.yaml_error = fmt::format("{}: not valid YAML: {}", error.mark.line + 1, error.msg);
+  }
+  return document;
+}
+
+std::vector<double> numbersOf(const Document& document, const YAML::Node& node, const std::string& key) {
+  std::vector<double> values;
+  const YAML::Node data = node.IsMap() ? node["data"] : node;
+  try {
+    if (!data.IsDefined() || !data.IsSequence()) throw YAML::BadConversion(node.Mark());
+    collectNumbers(data, values);
+  } catch (const YAML::Exception&) {
+    throw options::Error(fmt::format("{}: {}: expected a list of numbers", document.place(node), key));
+  }
+  if (!node.IsMap() || !node["rows"] || !node["cols"]) return values;
+  const auto rows = node["rows"].as<double>(0.0), cols = node["cols"].as<double>(0.0);
+  if (rows * cols != static_cast<double>(values.size()))
+    throw options::Error(fmt::format("{}: {}: has {} numbers in `data`, but {:g} rows and {:g} columns",
+                                     document.place(node), key, values.size(), rows, cols));
+  return values;
+}
+
+void rejectRepeatedKeys(const Document& document, const YAML::Node& node) {
+  std::vector<std::string> seen;
+  for (const auto& entry : node) {
+    if (node.IsMap() && entry.second.IsMap()) rejectRepeatedKeys(document, entry.second);
+    if (!node.IsMap() || !entry.first.IsScalar()) continue;
+    const std::string& key = entry.first.Scalar();
+    if (std::find(seen.begin(), seen.end(), key) != seen.end())
+      throw options::Error(
+          fmt::format("{}: {}: duplicate key; keep one of them", document.place(entry.first), key));
+    seen.push_back(key);
+  }
+}
+
+std::string textOf(const Document& document, const YAML::Node& node, const std::string& key) {
+  if (!node.IsScalar())
+    throw options::Error(fmt::format("{}: {}: expected text or a number", document.place(node), key));
+  return node.Scalar();
+}
+
+std::string normalized(const std::string& key) {
+  std::string text;
+  for (const char c : key) {
+    if (c != '_' && c != '-' && c != ' ')
+      text += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return text;
+}
+
+}  // namespace omnifleet::lens
