@@ -11,6 +11,8 @@
 #include <opencv2/videoio/registry.hpp>
 #include <utility>
 
+#include "dataset/image_names.h"
+
 namespace omnifleet::dataset {
 namespace {
 namespace fs = std::filesystem;
@@ -137,15 +139,6 @@ class VideoSource : public FrameSource {
   cv::Mat captured_;
 };
 
-bool isImageName(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  static const std::vector<std::string> kKnown{".png", ".jpg",  ".jpeg", ".bmp",
-                                               ".tif", ".tiff", ".pgm",  ".ppm"};
-  return std::find(kKnown.begin(), kKnown.end(), extension) != kKnown.end();
-}
-
 }  // namespace
 
 FrameState copyFrame(const cv::Mat& captured, Colour colour, FrameSize& size, cv::Mat& image,
@@ -194,7 +187,7 @@ std::unique_ptr<FrameSource> openFolder(const std::string& folder, Colour colour
     if (entry.is_regular_file() && isImageName(entry.path())) paths.push_back(entry.path().string());
   }
   if (paths.empty())
-    throw options::Error(folder + ": contains no image (png, jpg, jpeg, bmp, tif, tiff, pgm, ppm)");
+    throw options::Error(fmt::format("{}: contains no image ({})", folder, imageExtensionsText()));
   std::sort(paths.begin(), paths.end());
   std::vector<ImageRow> rows;
   for (std::size_t i = 0; i < paths.size(); ++i) {

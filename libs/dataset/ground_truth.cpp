@@ -20,7 +20,7 @@ GroundTruth GroundTruth::load(const std::string& dataset_folder) {
                      [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; });
   }
   if (fs::exists(folder / "scene.geojson")) {
-    truth.scene = readObjects((folder / "scene.geojson").string());
+    truth.scene = readObjects((folder / "scene.geojson").string(), &truth.warnings);
     truth.has_scene = true;
   }
   const fs::path room = folder / "room.geojson";

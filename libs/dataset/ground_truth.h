@@ -15,7 +15,8 @@ struct GroundTruth {
   std::map<std::string, std::vector<StampedPose>> trajectories;  ///< robot → map_from_base over time
   std::vector<MapObject> scene;
   bool has_scene = false;
-  Polygon room;  ///< inner side of the walls; empty: unknown
+  std::vector<std::string> warnings;  ///< one line per feature of scene.geojson that has no area
+  Polygon room;                       ///< inner side of the walls; empty: unknown
 
   /// Reads groundtruth/<robot>.tum, scene.geojson and room.geojson, each optional. Throws std::runtime_error
   /// when the folder is missing or a file is malformed.

@@ -70,60 +70,6 @@ Json feature(const MapObject& object) {
   return result;
 }
 
-std::vector<Eigen::Vector2d> readPoints(const Json& list) {
-  std::vector<Eigen::Vector2d> points;
-  for (const Json& p : list) points.emplace_back(p.at(0).get<double>(), p.at(1).get<double>());
-  for (const Eigen::Vector2d& p : points) {
-    if (!p.allFinite()) throw std::runtime_error("coordinates must be finite numbers");
-  }
-  return points;
-}
-
-Polygon readRing(const Json& ring) {
-  Polygon polygon = readPoints(ring);
-  if (polygon.size() > 1 && polygon.front() == polygon.back()) polygon.pop_back();
-  if (polygon.size() < 3) throw std::runtime_error("a ring needs at least 3 different vertices");
-  if (signedArea(polygon) < 0.0) std::reverse(polygon.begin(), polygon.end());
-  return polygon;
-}
-
-/// Adds one object per outer ring.
-void readFeature(const Json& json, std::size_t index, std::vector<MapObject>& objects) {
-  MapObject object;
-  object.id = index;
-  Json properties = json.value("properties", Json::object());
-  if (!properties.is_object()) properties = Json::object();
-  if (properties.contains("id") && properties["id"].is_number_integer())
-    object.id = properties["id"].get<std::uint64_t>();
-  object.kind = properties.value("kind", "obstacle");
-  if (properties.contains("name") && properties["name"].is_string()) object.name = properties["name"];
-  object.observations = properties.value("observations", 0);
-  object.observers = properties.value("observers", std::vector<std::string>());
-  object.height_m = properties.value("height_m", 0.0);
-  const Json& geometry = json.at("geometry");
-  const std::string type = geometry.at("type");
-  if (type == "LineString" && object.isOpen()) {
-    object.outline_m = readPoints(geometry.at("coordinates"));
-    if (properties.contains("centroid"))
-      object.centroid_m = {properties["centroid"].at(0).get<double>(),
-                           properties["centroid"].at(1).get<double>()};
-    objects.push_back(object);
-    return;
-  }
-  if (type != "Polygon" && type != "MultiPolygon") return;
-  const Json& coordinates = geometry.at("coordinates");
-  const Json polygons = type == "Polygon" ? Json::array({coordinates}) : coordinates;
-  for (const Json& polygon : polygons) {
-    object.outline_m = readRing(polygon.at(0));
-    object.centroid_m = centroid(object.outline_m);
-    if (properties.contains("centroid") && polygons.size() == 1) {
-      object.centroid_m = {properties["centroid"].at(0).get<double>(),
-                           properties["centroid"].at(1).get<double>()};
-    }
-    objects.push_back(object);
-  }
-}
-
 constexpr unsigned char kOccupied = 0, kFree = 254, kUnknown = 205;  // values that map_server writes
 
 unsigned char grey(std::int8_t cell) {
@@ -198,24 +144,6 @@ std::string objectsText(const std::vector<MapObject>& objects, const std::vector
 void writeObjects(const std::string& path, const std::vector<MapObject>& objects,
                   const std::vector<RejectedPlace>& rejected, const std::string& frame) {
   writeAtomic(path, objectsText(objects, rejected, frame));
-}
-
-std::vector<MapObject> readObjects(const std::string& path) {
-  std::vector<MapObject> objects;
-  std::size_t index = 0;
-  try {
-    const Json json = Json::parse(readFile(path));
-    if (json.value("type", "") != "FeatureCollection")
-      throw std::runtime_error("is not a GeoJSON FeatureCollection");
-    for (const Json& one : json.at("features")) readFeature(one, index++, objects);
-  } catch (const nlohmann::json::exception& error) {
-    throw std::runtime_error(fmt::format("{}: feature {}: {}", path, index, error.what()));
-  } catch (const std::runtime_error& error) {
-    const std::string what = error.what();
-    throw std::runtime_error(what.rfind(path, 0) == 0 ? what
-                                                      : fmt::format("{}: feature {}: {}", path, index, what));
-  }
-  return objects;
 }
 
 void writeMapServer(const std::string& stem, const OccupancyGrid& grid, const std::string& frame) {

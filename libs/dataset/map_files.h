@@ -43,11 +43,13 @@ std::string objectsText(const std::vector<MapObject>& objects,
 /// Writes atomically. Throws std::runtime_error.
 void writeObjects(const std::string& path, const std::vector<MapObject>& objects,
                   const std::vector<RejectedPlace>& rejected = {}, const std::string& frame = {});
-/// Reads Polygon and MultiPolygon features, and LineString features of kind structure.
-/// Covariances and quality are not read. Each outer ring becomes one object; holes are ignored. The
-/// default kind is obstacle; a missing centroid is computed from the polygon. Throws std::runtime_error that
-/// names file and feature.
-std::vector<MapObject> readObjects(const std::string& path);
+/// Reads Polygon, MultiPolygon and closed LineString features, and open LineStrings of kind structure. Each
+/// outer ring becomes one object; holes are ignored. A property that is null counts as absent. The default
+/// kind is obstacle; a missing centroid is computed from the polygon. Covariances and quality are not read.
+/// Throws std::runtime_error that names file, feature and property.
+/// @param passed_over receives one line for each other feature, except rejected candidates: "FILE: feature N:
+/// problem"
+std::vector<MapObject> readObjects(const std::string& path, std::vector<std::string>* passed_over = nullptr);
 
 /// An occupancy grid as map_server reads it. Cell (0, 0) is at the lower left; index = x + y·width.
 struct OccupancyGrid {

@@ -9,6 +9,7 @@
 
 #include "dataset/csv.h"
 #include "dataset/dataset.h"
+#include "dataset/image_names.h"
 
 namespace omnifleet::dataset {
 namespace {
@@ -75,6 +76,30 @@ bool parseRange(std::string_view field, float& range_m) {
   return text == "inf" || text == "+inf" || text == "Inf" || text == "nan" || text == "NaN" || text == "-nan";
 }
 
+/// Full path of the file that a row of an image stream names. Files lie in `data/`; a name may begin with it.
+/// @return what is wrong with the name; empty if nothing
+std::string findImage(const std::filesystem::path& base, std::string_view name, std::string& path) {
+  namespace fs = std::filesystem;
+  if (name.empty()) return {};
+  if (name.find('\\') != std::string_view::npos)
+    return fmt::format("the file '{}' contains a backslash; write / between folder and name", name);
+  const fs::path file = fs::path(std::string(name)).lexically_normal();
+  if (file.is_absolute() || *file.begin() == "..")
+    return "the file '" + file.string() + "' is outside the folder data";
+  fs::path full = base / "data" / file;
+  std::error_code ignored;
+  if (*file.begin() == "data" && !fs::exists(full, ignored)) full = base / file;
+  if (!file.has_extension() && !fs::exists(full, ignored)) {
+    for (const std::string& extension : imageExtensions()) {
+      if (fs::exists(full.string() + extension, ignored))
+        return fmt::format("the file '{}' does not exist, but '{}{}' does; write the name with its extension",
+                           name, name, extension);
+    }
+  }
+  path = full.string();
+  return {};
+}
+
 /// Reads a recorded table and warns if it is empty, because a stage that needs it would wait in vain.
 void readRecorded(const std::string& path, std::vector<std::string>& warnings,
                   const std::function<std::string(const Fields&)>& row) {
@@ -105,10 +130,7 @@ ImageStream readImageStream(const std::string& folder, const std::string& name,
     if (fields.size() != 2) return columns(fields.size(), "timestamp [ns],filename");
     if (!column.parse(fields[0], row.time_ns)) return column.rule();
     if (!broken.empty()) return broken;
-    const fs::path file = fs::path(std::string(fields[1])).lexically_normal();
-    if (file.is_absolute() || (!file.empty() && *file.begin() == ".."))
-      return "the file '" + file.string() + "' is outside the folder data";
-    if (!file.empty()) row.path = (base / "data" / file).string();
+    if (std::string problem = findImage(base, fields[1], row.path); !problem.empty()) return problem;
     stream.rows.push_back(std::move(row));
     return {};
   });

@@ -7,31 +7,37 @@
 #include <array>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
 #include "dataset/atomic_file.h"
+#include "dataset/image_names.h"
 
 namespace omnifleet::calibrate {
 namespace {
 
 std::vector<std::filesystem::path> imagesIn(const Options& options) {
   std::vector<std::filesystem::path> images;
+  std::set<std::string> others;
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(options.images, error)) {
-    std::string extension = entry.path().extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return std::tolower(c); });
-    const bool image =
-        extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".bmp";
     const std::string name = entry.path().filename().string();
-    if (image && ::fnmatch(options.match.c_str(), name.c_str(), 0) == 0) images.push_back(entry.path());
+    if (::fnmatch(options.match.c_str(), name.c_str(), 0) != 0) continue;
+    if (dataset::isImageName(entry.path()))
+      images.push_back(entry.path());
+    else if (entry.is_regular_file())
+      others.insert(entry.path().extension().string());
   }
   if (error)
     throw options::Error(fmt::format("{}: cannot read this folder: {}", options.images, error.message()));
-  if (images.empty())
-    throw options::Error(
-        fmt::format("{}: no image name matches '{}' (--match)", options.images, options.match));
+  if (images.empty()) {
+    others.erase("");
+    const std::string seen =
+        others.empty() ? "" : fmt::format("; convert its {} files to png", fmt::join(others, ", "));
+    throw options::Error(fmt::format("{}: no image ({}) matches '{}' (--match){}", options.images,
+                                     dataset::imageExtensionsText(), options.match, seen));
+  }
   std::sort(images.begin(), images.end());
   return images;
 }

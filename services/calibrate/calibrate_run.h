@@ -9,7 +9,7 @@
 namespace omnifleet::calibrate {
 
 struct Options {
-  std::string images;       ///< folder of .jpg, .jpeg, .png, .bmp images
+  std::string images;       ///< folder of images; dataset/image_names.h lists the extensions
   std::string match = "*";  ///< shell pattern for the image names
   calibration::Board board;
   lens::Projection projection = lens::Projection::kKannalaBrandt;

@@ -338,6 +338,7 @@ Report evaluateRun(const std::string& out, const std::string& dataset_folder, Fr
   const dataset::GroundTruth truth = loadTruth(dataset_folder);
   Report report;
   report.warnings = recording.warnings;
+  report.warnings.insert(report.warnings.end(), truth.warnings.begin(), truth.warnings.end());
   rejectForeignRun(out, dataset_folder, recording);
   const fs::path merge_file = fs::path(out) / "merge.json";
   const auto merge =
