@@ -43,18 +43,6 @@ YAML::Node loadXml(const std::string& path, const std::string& text) {
       path));
 }
 
-/// Blanks the lines "%YAML…" so that the line numbers stay.
-std::string withoutDirectives(std::string text) {
-  for (std::size_t at = 0; at != std::string::npos && at < text.size();) {
-    const std::size_t end = text.find('\n', at);
-    if (text.compare(at, 5, "%YAML") == 0)
-      std::fill(text.begin() + static_cast<std::ptrdiff_t>(at),
-                end == std::string::npos ? text.end() : text.begin() + static_cast<std::ptrdiff_t>(end), ' ');
-    at = end == std::string::npos ? end : end + 1;
-  }
-  return text;
-}
-
 void collectNumbers(const YAML::Node& node, std::vector<double>& values) {
   if (node.IsSequence()) {
     for (const YAML::Node& item : node) collectNumbers(item, values);
@@ -85,8 +73,6 @@ Document readDocument(const std::string& path) {
     document.root = loadXml(path, document.text.substr(first));
     return document;
   }
-  if (begin == '{') std::replace(document.text.begin(), document.text.end(), '\t', ' ');  // JSON
-  document.text = withoutDirectives(document.text);
   try {
     document.root = YAML::Load(document.text);
   } catch (const YAML::Exception& error) {

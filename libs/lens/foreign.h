@@ -18,8 +18,8 @@ namespace omnifleet::lens {
 /// A text file as a tree of keys: YAML, JSON, or OpenCV's XML. Files in formats without keys have no tree.
 struct Document {
   std::string path;
-  std::string text;  ///< without byte order mark and without the line %YAML, which yaml-cpp does not accept
-  YAML::Node root;   ///< a map; anything else if the file has no keys
+  std::string text;        ///< without byte order mark
+  YAML::Node root;         ///< a map; anything else if the file has no keys
   std::string yaml_error;  ///< "LINE: problem" if the text is neither YAML nor JSON; otherwise empty
 
   bool isMap() const { return root.IsDefined() && root.IsMap(); }
