@@ -20,8 +20,8 @@
 namespace omnifleet::services {
 
 /// Result of the conversion of a sample. kGood: valid. kInvalid: invalid, but an invalid sample keeps its
-/// place in the stream. kRejected: dropped.
-enum class Validity { kGood, kInvalid, kRejected };
+/// place in the stream. kRejected: dropped. kIgnored: dropped, and no fault.
+enum class Validity { kGood, kInvalid, kRejected, kIgnored };
 inline Validity asValidity(Validity validity) {
   return validity;
 }
@@ -43,8 +43,12 @@ class Inlet {
         bus::StreamSpec spec)
       : reader_(std::move(reader)), merger_(merger) {
     const std::string end_name = spec.name;
+    is_live_ = spec.mode == bus::StreamMode::kLive;
     stream_ = merger_.addStream(std::move(spec));
-    ends.listen(end_name, [this](TimeNs last, std::uint64_t) { end_ns_ = last; });
+    ends.listen(end_name, [this](TimeNs last, std::uint64_t) {
+      end_ns_ = last;
+      end_heard_ = std::chrono::steady_clock::now();
+    });
   }
   Inlet(const Inlet&) = delete;
   Inlet& operator=(const Inlet&) = delete;
@@ -63,6 +67,7 @@ class Inlet {
       if (times_ != nullptr) sample_.header().acquired_ns(times_->toRun(sample_.header().acquired_ns()));
       Payload payload;
       const Validity validity = asValidity(convert(sample_, payload));
+      if (validity == Validity::kIgnored) continue;
       if (validity != Validity::kGood) {
         status.dropped();
         status.report(sampleRejected(merger_.spec(stream_).name));
@@ -78,7 +83,8 @@ class Inlet {
       if (last_ns_ == RunEnds::kNothing) first_ns_ = sample_.header().acquired_ns();
       last_ns_ = std::max(last_ns_, sample_.header().acquired_ns());
     }
-    if (end_ns_ && last_ns_ >= *end_ns_) {
+    if (end_ns_ && (last_ns_ >= *end_ns_ || isOverdue())) {
+      if (last_ns_ < *end_ns_) status.report(lastSamplesMissing(merger_.spec(stream_).name));
       merger_.end(stream_, 0);
       end_ns_.reset();
       ++taken;
@@ -98,6 +104,11 @@ class Inlet {
   const bus::Reader<Wire>& reader() const { return *reader_; }
 
  private:
+  /// Live, samples may be lost, also the last one of a stream: nobody waits for it for ever.
+  bool isOverdue() const {
+    constexpr std::chrono::seconds kOnTheWay{2};  // samples that run/end has overtaken
+    return is_live_ && std::chrono::steady_clock::now() - end_heard_ >= kOnTheWay;
+  }
   void remember(TimeNs time) {
     constexpr std::size_t kRemembered = 64;
     accepted_.push_back(time);
@@ -119,6 +130,8 @@ class Inlet {
   TimeNs first_ns_ = 0;
   TimeNs last_ns_ = RunEnds::kNothing;
   std::optional<TimeNs> end_ns_;
+  std::chrono::steady_clock::time_point end_heard_{};
+  bool is_live_ = false;
   Wire sample_;
   std::deque<TimeNs> accepted_;  ///< times of the latest samples that were not repeated yet
 };

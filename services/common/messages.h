@@ -18,6 +18,13 @@ inline Message sampleOutOfOrder(const std::string& stream) {
       ErrorCode::kSampleOutOfOrder,
       stream + ": sample rejected, it is not later than the one before; check the clock of its publisher"};
 }
+inline Message lastSamplesMissing(const std::string& stream) {
+  return {
+      ErrorCode::kStreamSilent,
+      stream +
+          ": its last samples did not arrive within 2 s of its announced end; this service goes on without "
+          "them"};
+}
 inline Message frameOverwritten(const std::string& stream) {
   return {ErrorCode::kFrameOverwritten,
           stream + ": the camera overwrote a frame that was still in use; the frame is skipped"};

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/inlet.h"
+#include "common/newest_term.h"
 #include "fleet/fleet.h"
 
 namespace omnifleet::services {
@@ -37,6 +38,7 @@ class PoseFeedback {
     bool any = false;
     for (auto& inlet : poses_) {
       any |= inlet->pull(status, [this](const v1::Pose& wire, Payload& payload) {
+        if (!term_.accepts(wire.term())) return Validity::kIgnored;
         for (const v1::PublishedPose& other : wire.published()) {
           const auto stream = stream_of_.find(other.robot().to_string());
           if (stream != stream_of_.end())
@@ -64,6 +66,7 @@ class PoseFeedback {
   std::map<std::string, int> stream_of_;
   std::map<std::string, PoseEstimate> latest_;
   std::vector<PoseEstimate> known_;
+  NewestTerm term_;
 };
 
 }  // namespace omnifleet::services

@@ -131,6 +131,7 @@ bool GlobalMergerService::pull() {
   }
   for (auto& inlet : poses_) {
     any |= inlet->pull(status(), [this](const v1::Pose& wire, Payload& payload) {
+      if (!pose_term_.accepts(wire.term())) return Validity::kIgnored;
       promise(wire);
       return orInvalid(adapters::fromWire(wire, payload.emplace<PoseEstimate>()));
     }) > 0;

@@ -9,6 +9,7 @@
 
 #include "bus/service.h"
 #include "common/inlet.h"
+#include "common/newest_term.h"
 #include "common/office.h"
 #include "fleet/fleet.h"
 #include "global_merger/alignments.h"
@@ -80,6 +81,7 @@ class GlobalMergerService : public bus::Service {
   RunEnds ends_;
   std::optional<Inlet<v1::Objects, Payload>> objects_;  ///< of a robot with sensors
   std::vector<std::unique_ptr<Inlet<v1::Pose, Payload>>> poses_;
+  NewestTerm pose_term_;
   std::map<std::string, int> stream_of_pose_;  ///< by robot
   std::unique_ptr<bus::Reader<v1::Contribution>> contributions_;
   std::unique_ptr<bus::Reader<v1::KeyframePose>> keyframe_poses_;

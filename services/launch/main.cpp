@@ -119,13 +119,18 @@ int launch(const RunRequest& request) {
   progress.emplace(launch::Listening{request.domain, network, request.host,
                                      launch::otherHosts(request, fleet), launch::services(request, fleet),
                                      launch::expectedFrames(fleet)});
+  const launch::MapFile map_file(request.out);
   Restarts restarts(*progress);
   supervisor::Callbacks callbacks;
   callbacks.on_restart = [&](const supervisor::Restart& restart) { restarts.note(restart); };
   const auto run = supervisor::Supervisor(options).run(processes, callbacks);
   progress.reset();
   bus::removeStaleSharedMemory();
-  return report(run, mode, request.out);
+  const int code = report(run, mode, request.out);
+  if (mode != "live") return code;
+  const launch::SavedMap map = launch::checkSavedMap(request, fleet, map_file);
+  if (!map.text.empty()) print(map.text + "\n");
+  return map.is_missing && code == 0 ? static_cast<int>(bus::ExitCode::kFailure) : code;
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "launch/plan.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <set>
@@ -10,6 +11,7 @@
 #include "common/check_options.h"
 #include "common/fleet_network.h"
 #include "dataset/dataset.h"
+#include "dataset/frame_source.h"
 
 namespace omnifleet::launch {
 
@@ -111,6 +113,35 @@ std::vector<std::string> otherHosts(const RunRequest& request, const fleet::Flee
   return hosts;
 }
 
+MapFile::MapFile(const std::string& out) : path_(out + "/map.bt"), before_(version()) {}
+
+MapFile::Version MapFile::version() const {
+  struct stat file {};
+  if (::stat(path_.c_str(), &file) != 0) return std::nullopt;
+  return std::tuple{file.st_ino, file.st_mtim.tv_sec, file.st_mtim.tv_nsec};
+}
+
+bool MapFile::hasChanged() const {
+  const Version now = version();
+  return now && now != before_;
+}
+
+SavedMap checkSavedMap(const RunRequest& request, const fleet::Fleet& fleet, const MapFile& file) {
+  const std::string replica = fleet.savingReplica(request.host);
+  if (replica.empty()) {
+    std::set<std::string> hosts;
+    for (const fleet::ProcessSpec& process : fleet::processes(fleet))
+      if (process.service == "global_merger") hosts.insert(process.host);
+    return {false, fmt::format("no replica of the map runs on {}; the map is saved on {}", request.host,
+                               fmt::join(hosts, ", "))};
+  }
+  if (file.hasChanged()) return {};
+  return {true,
+          fmt::format("no map was saved: the replica of {} has none; see {}/log/global_merger_{}.log and the "
+                      "localizer's log",
+                      replica, request.out, replica)};
+}
+
 ExpectedFrames expectedFrames(const fleet::Fleet& fleet) {
   if (fleet.arena) return {static_cast<std::uint64_t>(fleet.arena->frames()), true};
   if (fleet.dataset.empty()) return {};
@@ -158,6 +189,7 @@ void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
   services::checkOptions(fleet);
   services::checkCameras(fleet);
   services::checkOutput(fleet, request.out);
+  if (!fleet.dataset.empty()) dataset::checkFrames(dataset::Dataset::open(fleet.dataset));
   for (const fleet::CameraSpec& camera : fleet.cameras) {
     if (request.host.empty() || camera.host == request.host) services::checkSource(camera, fleet);
   }

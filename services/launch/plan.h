@@ -1,6 +1,11 @@
 #pragma once
 
+#include <sys/types.h>
+
+#include <ctime>
+#include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "bus/network.h"
@@ -46,6 +51,26 @@ std::vector<std::string> services(const RunRequest& request, const fleet::Fleet&
 
 /// With --host: the other machines of the fleet, whose launchers must be heard.
 std::vector<std::string> otherHosts(const RunRequest& request, const fleet::Fleet& fleet);
+
+/// The map file of a run directory as it was at the start of a run. (Not by its time: a clock may be set.)
+class MapFile {
+ public:
+  explicit MapFile(const std::string& out);
+  bool hasChanged() const;  ///< it was written since, or written for the first time
+
+ private:
+  using Version = std::optional<std::tuple<ino_t, time_t, long>>;  ///< every writer makes a new file
+  Version version() const;
+  std::string path_;
+  Version before_;
+};
+
+/// What to say at the end of a live run about the map of this machine; empty: it was saved.
+struct SavedMap {
+  bool is_missing = false;  ///< a replica ran here, but no map was saved
+  std::string text;         ///< why, or on which machines the map is
+};
+SavedMap checkSavedMap(const RunRequest& request, const fleet::Fleet& fleet, const MapFile& file);
 
 /// Number of frames of the robot with the most frames.
 ExpectedFrames expectedFrames(const fleet::Fleet& fleet);
