@@ -66,5 +66,25 @@ TEST_F(PoseInlet, ReportsClockThatIsSetBackOrStandsStill) {
   EXPECT_FALSE(isFault(50));
 }
 
+/// Live, any sample may be lost, also the last one.
+TEST_F(PoseInlet, EndsSoonAfterTheEndOfAStreamWhoseLastSampleIsLost) {
+  messagesAt(10);
+  RunEnds sender({*sender_, options_, topics_, nullptr});
+  sender.announce("pose r1", 20, 2);
+  const auto announced = std::chrono::steady_clock::now();
+  std::vector<Message> messages;
+  while (!merger_.finished() && std::chrono::steady_clock::now() - announced < std::chrono::seconds(10)) {
+    receiver_->wait(std::chrono::milliseconds(50));
+    ends_.poll();
+    inlet_.pull(status_, [](const v1::Pose&, int&) { return true; });
+    for (Message& message : status_.takeMessages()) messages.push_back(std::move(message));
+  }
+  EXPECT_TRUE(merger_.finished());
+  EXPECT_GE(std::chrono::steady_clock::now() - announced, std::chrono::seconds(2)) << "it may be on its way";
+  ASSERT_EQ(messages.size(), 1u);
+  EXPECT_EQ(messages[0].code, ErrorCode::kStreamSilent);
+  EXPECT_THAT(messages[0].text, testing::HasSubstr("pose r1"));
+}
+
 }  // namespace
 }  // namespace omnifleet::services
