@@ -15,6 +15,7 @@
 #include "localizer/estimator_stage.h"
 #include "localizer/marked_robots.h"
 #include "localizer/observation_frames.h"
+#include "localizer/pose_gaps.h"
 #include "markers/patch_finder.h"
 #include "motion/wheel_integrator.h"
 #include "occupancy/reconciler.h"
@@ -106,6 +107,7 @@ void checkOptions(const fleet::Fleet& fleet) {
   mapper.read("laser_age_s", laser_age_s, {0.0, 1.0});
   wheelsMissing_s(mapper);
   local_mapper::AppearanceOptions::read(mapper.child("appearance"));
+  local_mapper::ImageCircleOptions::read(mapper.child("image_circle"));
   fisheyeOptions(fleet);
   frontOptions(fleet);
 

@@ -94,6 +94,25 @@ Message lensMismatch(const std::string& camera, double lit, const lens::CameraMo
                   camera, model.focal_px.x(), 100.0 * lit)};
 }
 
+Message lensContradicted(const std::string& camera, const LensVerdict& verdict,
+                         const lens::CameraModel& model) {
+  const double seen_px = verdict.seen.radius_px;
+  if (verdict.model_px <= 0.0) {
+    return {ErrorCode::kLensMismatch,
+            fmt::format(
+                "camera {}: the image is a circle of {:.0f} px about its centre, as that of a fisheye lens, "
+                "but its sensor.yaml describes a lens whose image has no round edge; distances are wrong. "
+                "Use the calibration of the fisheye lens",
+                camera, seen_px)};
+  }
+  return {ErrorCode::kLensMismatch,
+          fmt::format(
+              "camera {}: the image ends {:.0f} px from its centre, but by its sensor.yaml the view of {:g}° "
+              "ends at {:.0f} px; distances are wrong unless fov_deg alone is too large. Correct projection, "
+              "focal_px and fov_deg",
+              camera, seen_px, model.fov_deg, verdict.model_px)};
+}
+
 Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_t frame) {
   return {ErrorCode::kLensOccluded,
           fmt::format("camera {}: {:.0f} % of the view is occluded from frame {} on; that part is ignored, "

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "lens/camera.h"
+#include "local_mapper/image_circle.h"
 #include "observation/error_code.h"
 #include "observation/observation.h"
 #include "observation/time_range.h"
@@ -29,6 +30,8 @@ Message undecidedRegions(const std::string& camera,
                          const std::vector<std::pair<std::uint32_t, Eigen::Vector2d>>& at);
 /// An orthographic lens shows something beyond r = F. @param lit share of the pixels there
 Message lensMismatch(const std::string& camera, double lit, const lens::CameraModel& model);
+Message lensContradicted(const std::string& camera, const LensVerdict& verdict,
+                         const lens::CameraModel& model);
 /// @param share of the view that is occluded
 Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_t frame);
 /// Only floor for the first `driven_m` metres.

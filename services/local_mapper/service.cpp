@@ -43,8 +43,8 @@ local_mapper::LocalMapper makeMapper(const fleet::CameraSpec& camera, const loca
 
 local_mapper::Options fisheyeOptions(const fleet::Fleet& fleet) {
   const options::Section section = fleet.service("local_mapper");
-  for (const char* key :
-       {"wheels", "laser", "laser_age_s", "wheels_missing_s", "method", "distance_vector", "appearance"})
+  for (const char* key : {"wheels", "laser", "laser_age_s", "wheels_missing_s", "method", "distance_vector",
+                          "appearance", "image_circle"})
     section.has(key);
   return local_mapper::Options::read(section);
 }
@@ -70,6 +70,8 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
       integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
       wheel_check_(makeWheelCheck(context, fleet, camera_.robot)),
       mapper_(makeMapper(camera_, fisheyeOptions(fleet))),
+      circle_options_(
+          local_mapper::ImageCircleOptions::read(fleet.service("local_mapper").child("image_circle"))),
       laser_age_ns_(static_cast<TimeNs>(1e9 * laserAge(fleet))) {
   const auto appearance =
       local_mapper::AppearanceOptions::read(fleet.service("local_mapper").child("appearance"));
@@ -190,7 +192,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
     joinLaser();
   addAppearance(frame);
   rejected_points_ += mapper_.rejectedPoints();
-  reportLens();
+  reportLens(image);
   reportOcclusion();
   if (local_map_.state == FrameState::kOk) {
     undecided_.take(local_map_.motion, mapper_.undecided(), local_map_.objects);
@@ -248,10 +250,19 @@ void LocalMapperService::reportUndecided(bool ended) {
 }
 
 /// Reports once that the image contradicts the lens of its sensor.yaml.
-void LocalMapperService::reportLens() {
-  if (reported_lens_ || mapper_.litBeyondLens() < kLitBeyond) return;
-  status().report(local_mapper::lensMismatch(camera_.id, mapper_.litBeyondLens(), camera_.model));
-  reported_lens_ = true;
+void LocalMapperService::reportLens(const cv::Mat& image) {
+  if (reported_lens_) return;
+  if (mapper_.litBeyondLens() >= kLitBeyond) {
+    status().report(local_mapper::lensMismatch(camera_.id, mapper_.litBeyondLens(), camera_.model));
+    reported_lens_ = true;
+    return;
+  }
+  if (local_map_.state != FrameState::kOk || circle_frames_ >= circle_options_.frames) return;
+  ++circle_frames_;
+  if (const auto verdict = local_mapper::contradiction(image, camera_.model, circle_options_)) {
+    status().report(local_mapper::lensContradicted(camera_.id, *verdict, camera_.model));
+    reported_lens_ = true;
+  }
 }
 
 void LocalMapperService::reportOcclusion() {

@@ -14,6 +14,7 @@
 #include "fleet/fleet.h"
 #include "local_mapper/appearance_source.h"
 #include "local_mapper/debug_images.h"
+#include "local_mapper/image_circle.h"
 #include "local_mapper/laser_service.h"
 #include "local_mapper/local_mapper.h"
 #include "local_mapper/persistent_places.h"
@@ -47,7 +48,7 @@ class LocalMapperService : public bus::Service {
   void process(const bus::FrameView& view);
   void addAppearance(const local_mapper::Frame& frame);
   void joinLaser();
-  void reportLens();
+  void reportLens(const cv::Mat& image);
   void reportOcclusion();
   void reportFault();
   void reportUndecided(bool ended);
@@ -69,6 +70,8 @@ class LocalMapperService : public bus::Service {
   motion::WheelIntegrator integrator_;
   local_mapper::WheelCheck wheel_check_;
   local_mapper::LocalMapper mapper_;
+  local_mapper::ImageCircleOptions circle_options_;
+  int circle_frames_ = 0;  ///< valid frames in which the edge of the image was looked for
   std::optional<local_mapper::AppearanceSource> appearance_;
   std::optional<laser::LaserMapper> laser_;
   TimeNs laser_age_ns_;

@@ -254,7 +254,8 @@ bool LocalizerService::isRecovering() {
   if (!is_known && now < *recovery_deadline_) return true;
   recovery_deadline_.reset();
   keyframe_poses_.reset();
-  for (const auto& [robot, pose] : state_recovery_->latest()) gaps_->know(robot, pose.acquired_ns);
+  for (const auto& [robot, latest] : state_recovery_->latest())
+    if (gaps_) gaps_->know(robot, latest.acquired_ns);
   estimator_ = localizer::EstimatorStage(state_recovery_->setups(), estimator_options_,
                                          state_recovery_->ownFrames(own_frames_));
   estimator_.keepAlignments(state_recovery_->inMap());

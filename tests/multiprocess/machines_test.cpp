@@ -54,18 +54,28 @@ class Machines : public testing::Test {
   std::string output() const {
     return "pcA:\n" + launches_.at("pcA")->output() + "\npcB:\n" + launches_.at("pcB")->output();
   }
-  /// Waits until the replica of a robot holds keyframes of both robots that are as old as those of the other
-  /// one.
-  bool untilMapsAgree(Listener& listener, std::uint32_t at_least, std::chrono::seconds timeout) {
-    auto hashes = listener.bus().reader(listener.topics().map_hash);
-    std::map<std::string, v1::MapHash> latest;
-    v1::MapHash hash;
-    return listener.until(
+  /// Waits until the replicas hold equal maps of at least so many contributions.
+  bool untilMapsAgree(std::uint32_t at_least, std::chrono::seconds timeout) {
+    return listener_->until(
         [&] {
-          while (hashes->take(hash)) latest[hash.replica().to_string()] = hash;
-          return latest["r1"].contributions() >= at_least && latest["r1"].sha256() == latest["r2"].sha256();
+          takeHashes();
+          return latest_["r1"].contributions() >= at_least &&
+                 latest_["r1"].sha256() == latest_["r2"].sha256();
         },
         timeout);
+  }
+  void takeHashes() {
+    if (!hashes_) hashes_ = listener_->bus().reader(listener_->topics().map_hash);
+    v1::MapHash hash;
+    while (hashes_->take(hash)) latest_[hash.replica().to_string()] = hash;
+  }
+  /// What the replicas hold, for messages.
+  std::string held() const {
+    std::string text;
+    for (const auto& [replica, hash] : latest_)
+      text += replica + ": " + std::to_string(hash.contributions()) + " contributions, " +
+              std::to_string(hash.keyframe_poses()) + " poses\n";
+    return text;
   }
 
   std::unique_ptr<TwoMachines> machines_;
@@ -74,6 +84,8 @@ class Machines : public testing::Test {
   std::map<std::string, std::unique_ptr<Process>> launches_;
   std::shared_ptr<void> inside_;
   std::unique_ptr<Listener> listener_;
+  std::unique_ptr<bus::Reader<v1::MapHash>> hashes_;
+  std::map<std::string, v1::MapHash> latest_;  ///< by replica
 };
 
 TEST(MachinesOptions, PartOfFleetWithOnlyLoopbackIsRefused) {
@@ -89,7 +101,7 @@ TEST(MachinesOptions, PartOfFleetWithOnlyLoopbackIsRefused) {
 /// The cameras of one machine alone deliver 2.6 MB/s.
 TEST_F(Machines, ShareOneMapAndFramesStayOnTheirs) {
   launch("two_machines", 121, "pcB");
-  ASSERT_TRUE(untilMapsAgree(*listener_, 20, 60s)) << output();
+  ASSERT_TRUE(untilMapsAgree(20, 60s)) << output();
   const std::uint64_t before = machines_->receivedByA();
   const auto begun = steady_clock::now();
   auto poses = listener_->bus().reader(listener_->topics().pose);
@@ -116,13 +128,13 @@ TEST_F(Machines, ShareOneMapAndFramesStayOnTheirs) {
 TEST_F(Machines, FindEachOtherByPeersWithoutMulticast) {
   machines_->blockMulticast();
   launch("peers", 122, "pcA", "network: {addresses: [10.77.0.0/24], peers: [10.77.0.1, 10.77.0.2]}");
-  ASSERT_TRUE(untilMapsAgree(*listener_, 10, 60s)) << output();
+  ASSERT_TRUE(untilMapsAgree(10, 60s)) << output();
 }
 
 /// pcA has the localizer that estimates and the replica that publishes the map.
 TEST_F(Machines, OtherOneContinuesWhenOneDiesAndKeepsTheOffices) {
   launch("machine_dies", 123, "pcB");
-  ASSERT_TRUE(untilMapsAgree(*listener_, 20, 60s)) << output();
+  ASSERT_TRUE(untilMapsAgree(20, 60s)) << output();
   auto poses = listener_->bus().reader(listener_->topics().pose, "r2");
   auto grids = listener_->bus().reader(listener_->topics().map_grid);
   v1::Pose pose;
@@ -166,7 +178,7 @@ TEST_F(Machines, OtherOneContinuesWhenOneDiesAndKeepsTheOffices) {
 /// Both parts go on alone. Afterwards each holds what the other one has mapped.
 TEST_F(Machines, MapsAgreeAgainAfterTheLinkWasCut) {
   launch("link_cut", 124, "pcB");
-  ASSERT_TRUE(untilMapsAgree(*listener_, 10, 60s)) << output();
+  ASSERT_TRUE(untilMapsAgree(10, 60s)) << output();
   machines_->cut();
   auto poses = listener_->bus().reader(listener_->topics().pose, "r2");
   v1::Pose pose;
@@ -178,12 +190,14 @@ TEST_F(Machines, MapsAgreeAgainAfterTheLinkWasCut) {
   ASSERT_TRUE(listener_->untilSample<v1::Pose>(
       *poses, pose,
       [&](const v1::Pose& p) { return p.valid() && p.header().acquired_ns() > alone + 8'000'000'000; }, 30s));
+  takeHashes();
+  const std::uint32_t held_alone = latest_["r2"].contributions();
   machines_->restore();
   ASSERT_TRUE(listener_->untilSample<v1::Pose>(
       *poses, pose, [](const v1::Pose& p) { return p.valid() && p.term() == 3; }, 20s))
       << "one localizer remains and takes over the robots of both\n"
       << output();
-  ASSERT_TRUE(untilMapsAgree(*listener_, 40, 40s)) << output();
+  ASSERT_TRUE(untilMapsAgree(held_alone, 60s)) << held() << output();
   auto own = listener_->bus().reader(listener_->topics().pose, "r1");
   ASSERT_TRUE(listener_->untilSample<v1::Pose>(
       *own, pose, [](const v1::Pose& p) { return p.valid() && p.term() == 3; }, 20s))
