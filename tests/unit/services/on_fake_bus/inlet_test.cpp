@@ -10,12 +10,18 @@
 namespace omnifleet::services {
 namespace {
 
+bus::FakeBusOptions liveBus() {
+  bus::FakeBusOptions options;
+  options.mode = bus::RunMode::kLive;
+  return options;
+}
+
 class PoseInlet : public testing::Test {
  protected:
   PoseInlet()
       : network_(bus::makeFakeNetwork()),
-        sender_(bus::makeFakeBus(network_, {bus::RunMode::kLive})),
-        receiver_(bus::makeFakeBus(network_, {bus::RunMode::kLive})),
+        sender_(bus::makeFakeBus(network_, liveBus())),
+        receiver_(bus::makeFakeBus(network_, liveBus())),
         writer_(sender_->writer(topics_.pose)),
         ends_({*receiver_, options_, topics_,
                std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::null_sink_st>())}),
@@ -28,7 +34,10 @@ class PoseInlet : public testing::Test {
     pose.robot("r1");
     pose.header().acquired_ns(time_ns);
     EXPECT_TRUE(writer_->write(pose));
-    inlet_.pull(status_, [](const v1::Pose&, int&) { return true; });
+    inlet_.pull(status_, [](const v1::Pose&, int& payload) {
+      payload = 0;
+      return true;
+    });
     bus::TimeMerger<int>::Batch batch;
     while (merger_.nextBatch(batch)) {
     }
@@ -76,7 +85,10 @@ TEST_F(PoseInlet, EndsSoonAfterTheEndOfAStreamWhoseLastSampleIsLost) {
   while (!merger_.finished() && std::chrono::steady_clock::now() - announced < std::chrono::seconds(10)) {
     receiver_->wait(std::chrono::milliseconds(50));
     ends_.poll();
-    inlet_.pull(status_, [](const v1::Pose&, int&) { return true; });
+    inlet_.pull(status_, [](const v1::Pose&, int& payload) {
+      payload = 0;
+      return true;
+    });
     for (Message& message : status_.takeMessages()) messages.push_back(std::move(message));
   }
   EXPECT_TRUE(merger_.finished());

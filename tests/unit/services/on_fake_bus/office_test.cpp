@@ -14,10 +14,16 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
+bus::FakeBusOptions liveBus() {
+  bus::FakeBusOptions options;
+  options.mode = bus::RunMode::kLive;
+  return options;
+}
+
 /// A process with its candidacy.
 struct Candidate {
   Candidate(std::shared_ptr<bus::FakeNetwork> network, const std::string& name)
-      : bus(bus::makeFakeBus(network, {bus::RunMode::kLive})),
+      : bus(bus::makeFakeBus(network, liveBus())),
         office({*bus, {}, bus::Topics(bus::RunMode::kLive), nullptr}, "map", {"r1", "r2", "r3"}, name,
                steady_clock::now()) {}
   std::unique_ptr<bus::Bus> bus;
