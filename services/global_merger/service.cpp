@@ -228,7 +228,7 @@ bool GlobalMergerService::speak() {
                                          : "another replica publishes the map from now on",
                      office_->term());
   publisher_.speak(office_->term());
-  has_new_batches_ = true;
+  has_new_batches_ = has_new_batches_ || !replica_.map().store().robots().empty();
   return true;
 }
 

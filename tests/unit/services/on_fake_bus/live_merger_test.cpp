@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <map>
 #include <string>
@@ -83,7 +84,18 @@ class MergerFixture : public testing::Test {
 
 class LiveMerger : public MergerFixture {
  protected:
-  LiveMerger() : MergerFixture(bus::RunMode::kLive) {}
+  /// The replica of r2 is not heard, so that of r1 takes the office of publishing after a while.
+  LiveMerger() : MergerFixture(bus::RunMode::kLive) {
+    const auto elections = bench_.bus().reader(bench_.topics.election);
+    const auto begun = std::chrono::steady_clock::now();
+    v1::Candidacy candidacy;
+    while (candidacy.term() == 0 && std::chrono::steady_clock::now() - begun < std::chrono::seconds(10)) {
+      bench_.bus().wait(std::chrono::milliseconds(50));
+      bench_.spin();
+      elections->take(candidacy);
+    }
+    EXPECT_EQ(candidacy.term(), 1u);
+  }
 };
 
 TEST_F(LiveMerger, PublishesInIdleWindow) {
