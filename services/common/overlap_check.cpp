@@ -34,6 +34,7 @@ std::optional<Message> OverlapCheck::addFrame(TimeNs frame_ns, std::optional<Tim
   // Frames of the past that arrive together, or a silent stream, do not mean another clock.
   const bool advances = 2 * (samples->last_ns - stream_since_ns_) > frame_ns - apart_since_ns_;
   if (++apart_ < kFrames || !advances) return std::nullopt;
+  samples_->first_ns = stream_since_ns_;  // the two ranges are those of the same time
   return report({apart_since_ns_, frame_ns});
 }
 
