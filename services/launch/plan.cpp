@@ -189,10 +189,11 @@ void checkBeforeStart(const RunRequest& request, const fleet::Fleet& fleet) {
   services::checkOptions(fleet);
   services::checkCameras(fleet);
   services::checkOutput(fleet, request.out);
-  if (!fleet.dataset.empty()) dataset::checkFrames(dataset::Dataset::open(fleet.dataset));
   for (const fleet::CameraSpec& camera : fleet.cameras) {
     if (request.host.empty() || camera.host == request.host) services::checkSource(camera, fleet);
   }
+  // After the checks above, whose messages are more specific.
+  if (!fleet.dataset.empty()) dataset::checkFrames(dataset::Dataset::open(fleet.dataset));
   services::makeOutput(request.out + "/log");
 }
 
