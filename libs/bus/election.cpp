@@ -25,13 +25,17 @@ bool Election::holdsAbove(std::size_t rank) const {
 bool Election::update(Time now) {
   wake_at_.reset();
   if (finished_) return false;
-  bool any_holder = false;
+  bool any_holder = false, all_alive = true;
   std::uint32_t above = 0;
   for (std::size_t i = 0; i < others_.size(); ++i) {
-    if (i == rank_ || !others_[i].alive || others_[i].term == 0) continue;
+    if (i == rank_) continue;
+    all_alive = all_alive && others_[i].alive;
+    if (!others_[i].alive || others_[i].term == 0) continue;
     any_holder = true;
     if (holdsAbove(i)) above = std::max(above, others_[i].term);
   }
+  // Whoever holds the office is known now.
+  if (all_alive || any_holder) settled_ = std::min(settled_, now);
   if (term_ == 0) {
     if (!any_holder) return take(now);
     vacant_since_.reset();
@@ -51,19 +55,15 @@ bool Election::update(Time now) {
 
 /// Nobody holds the office. The candidates before this one have their turn first.
 bool Election::take(Time now) {
-  bool all_alive = true;
-  int before = 0;
-  for (std::size_t i = 0; i < others_.size(); ++i) {
-    if (i == rank_) continue;
-    all_alive = all_alive && others_[i].alive;
-    before += i < rank_ && others_[i].alive ? 1 : 0;
-  }
-  if (!all_alive && now < settled_) {
+  if (now < settled_) {
     wake_at_ = settled_;
     return false;
   }
-  settled_ = now;
-  if (!vacant_since_) vacant_since_ = now;
+  int before = 0;
+  for (std::size_t i = 0; i < rank_; ++i) before += others_[i].alive ? 1 : 0;
+  // A candidate that dies while it could have taken the office does not shorten the turns of the others.
+  if (!vacant_since_ || before < before_) vacant_since_ = now;
+  before_ = before;
   const Time turn = *vacant_since_ + before * kTurn;
   if (now < turn) {
     wake_at_ = turn;

@@ -57,6 +57,7 @@ class Election {
   std::uint32_t term_ = 0, greatest_ = 0, yielded_ = 0;
   bool finished_ = false;
   std::optional<Time> vacant_since_, wake_at_;
+  int before_ = 0;  ///< living candidates that have their turn first, at the last take()
 };
 
 }  // namespace omnifleet::bus

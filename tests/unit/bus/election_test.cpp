@@ -148,6 +148,31 @@ TEST_F(Candidates, CandidateThatDoesNotTakeItsTurnIsPassedOver) {
   EXPECT_EQ(last.term(), 2u);
 }
 
+/// The first one dies before it takes the office. The third one hears nothing of the second one's term.
+TEST_F(Candidates, TurnsBeginAgainWhenACandidateBeforeDies) {
+  Election second(1, 3, now_), third(2, 3, now_);
+  for (int i = 0; i < 45; ++i) {
+    now_ += milliseconds(10);
+    second.hear(0, i < 20, 0, 0);
+    second.hear(2, true, 0, 0);
+    third.hear(0, i < 20, 0, 0);
+    third.hear(1, true, 0, 0);
+    second.update(now_);
+    third.update(now_);
+    EXPECT_EQ(third.term(), 0u) << i;
+  }
+  EXPECT_EQ(second.term(), 1u);
+}
+
+/// Also one that has heard all others only while the office was held.
+TEST_F(Candidates, HolderThatDiesAtOnceIsFollowedByTheNextOne) {
+  joinAll();
+  pass(milliseconds(20));
+  die(0);
+  pass(milliseconds(20));
+  EXPECT_THAT(terms(), ElementsAre(0, 2, 0));
+}
+
 /// At the end of a run the holder ends first; the others must not begin the work again.
 TEST_F(Candidates, NobodyTakesTheOfficeOfFinishedWork) {
   joinAll();
