@@ -81,7 +81,8 @@ FolderClaim::FolderClaim(const std::string& folder, const std::string& fleet, co
   if (file_ >= 0) {
     ::flock(file_, LOCK_SH | LOCK_NB);
   } else {
-    // Another part that starts holds the lock alone for a moment.
+    // Another part that starts holds the lock alone for a moment. flock() has no timeout, and a fleet without
+    // parts holds it for its whole run, so this polls.
     const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(300);
     while ((file_ = lock(path_, LOCK_SH)) < 0 && std::chrono::steady_clock::now() < end)
       std::this_thread::sleep_for(std::chrono::milliseconds(10));

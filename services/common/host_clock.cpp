@@ -65,7 +65,8 @@ SharedClock::SharedClock(const std::string& out, ReadClocks read) : clock_(read)
     ::flock(file_, LOCK_SH | LOCK_NB);
     return;
   }
-  // The one that begins the run holds the exclusive lock for a moment.
+  // The process that begins the run holds the exclusive lock for a moment. flock() has no timeout, and that
+  // process may be suspended meanwhile, so this polls.
   constexpr int kTries = 50;
   constexpr auto kPause = std::chrono::milliseconds(10);
   bool locked = false;

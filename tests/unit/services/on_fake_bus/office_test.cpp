@@ -4,8 +4,6 @@
 
 #include <gmock/gmock.h>
 
-#include <thread>
-
 #include "bus/fake_bus.h"
 
 namespace omnifleet::services {
@@ -40,8 +38,10 @@ class Offices : public testing::Test {
   milliseconds until(Done done) {
     const auto begun = steady_clock::now();
     while (!done() && steady_clock::now() - begun < std::chrono::seconds(10)) {
-      for (const auto& [name, candidate] : candidates_) candidate->office.update(steady_clock::now());
-      std::this_thread::sleep_for(milliseconds(5));
+      for (const auto& [name, candidate] : candidates_) {
+        candidate->office.update(steady_clock::now());
+        candidate->bus->wait(milliseconds(5));
+      }
     }
     return std::chrono::duration_cast<milliseconds>(steady_clock::now() - begun);
   }
@@ -68,7 +68,7 @@ TEST_F(Offices, AreKeptByAHolderThatComputes) {
   const auto begun = steady_clock::now();
   while (steady_clock::now() - begun < 4 * Office::kLease) {
     candidates_.at("r2")->office.update(steady_clock::now());
-    std::this_thread::sleep_for(milliseconds(5));
+    candidates_.at("r2")->bus->wait(milliseconds(5));
   }
   EXPECT_EQ(term("r2"), 0u);
 }
@@ -79,7 +79,7 @@ TEST_F(Offices, AreTakenOverFromAHolderThatHangs) {
   const auto begun = steady_clock::now();
   while (term("r2") == 0 && steady_clock::now() - begun < Office::kHang + std::chrono::seconds(5)) {
     candidates_.at("r2")->office.update(steady_clock::now());
-    std::this_thread::sleep_for(milliseconds(5));
+    candidates_.at("r2")->bus->wait(milliseconds(5));
   }
   EXPECT_EQ(term("r2"), 2u);
   EXPECT_GE(steady_clock::now() - begun, Office::kHang - milliseconds(200));
