@@ -43,8 +43,8 @@ void disableIntraprocessDelivery() {
   eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
 }
 
-/// The addresses that other participants are told. Beside network addresses loopback is not told: other hosts
-/// would send to themselves, and Fast DDS itself replaces an own network address by loopback.
+/// The addresses that this participant announces. Beside network addresses it does not announce loopback:
+/// other hosts would send to themselves, and Fast DDS itself replaces an own network address by loopback.
 std::vector<std::string> announced(const DdsBusOptions& options) {
   std::vector<std::string> addresses;
   for (const std::string& address : options.interfaces)

@@ -53,7 +53,7 @@ bool Election::update(Time now) {
   return has_outlasted;
 }
 
-/// Nobody holds the office. The candidates before this one have their turn first.
+/// The office is vacant. The candidates before this one have their turn first.
 bool Election::take(Time now) {
   if (now < settled_) {
     wake_at_ = settled_;

@@ -22,12 +22,12 @@ class Election {
   /// is held must be heard first
   Election(std::size_t rank, std::size_t candidates, Time start);
 
-  /// What is known of another candidate: whether it lives, its latest term (0: stands by), and the term of
+  /// What is known of another candidate: whether it is alive, its latest term (0: stands by), and the term of
   /// the holder to which it gave way (0: none).
   void hear(std::size_t rank, bool alive, std::uint32_t term, std::uint32_t yielded);
   /// Terms up to this one have been used, by whomever.
   void noteTerm(std::uint32_t term);
-  /// The work is done: nobody takes the office any more.
+  /// The work is done: the office stays vacant.
   void finish() { finished_ = true; }
   /// Decides. Returns true when term() has changed. A holder whose term grows has outlasted another holder
   /// and must take over its work.

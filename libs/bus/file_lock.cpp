@@ -13,7 +13,7 @@
 namespace omnifleet::bus {
 
 LockedFile::LockedFile(const std::string& path, const std::string& text) : path_(path) {
-  // The lock comes before the name, so nobody sees the file without its lock.
+  // The process locks the file before it names it, so no other process finds it unlocked.
   const std::string::size_type folder_end = path.rfind('/') + 1;
   std::string hidden = path.substr(0, folder_end) + ".omnifleet_XXXXXX";
   file_ = ::mkostemp(hidden.data(), O_CLOEXEC);

@@ -24,7 +24,7 @@ class LockedFile {
   int file_ = -1;
 };
 
-/// True when the file can be opened and nobody holds a lock on it.
+/// True when the file can be opened and no process holds a lock on it.
 bool isUnlocked(const std::string& path);
 
 }  // namespace omnifleet::bus

@@ -24,7 +24,7 @@ std::vector<NetworkAddress> networkAddresses();
 std::string listed(const std::vector<NetworkAddress>& present);
 
 /// Throws options::Error when one of `addresses` is not among `present`, or when its interface is down or
-/// not connected. DDS would start without a word and reach nobody.
+/// not connected. DDS would start without an error and reach no other participant.
 void checkAddresses(const std::vector<std::string>& addresses, const std::vector<NetworkAddress>& present);
 
 /// checkAddresses() with the addresses of this machine.

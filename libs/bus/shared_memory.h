@@ -28,7 +28,7 @@ struct SharedMemoryUse {
   std::size_t unknown_bytes = 0;  ///< their size
   std::size_t other_bytes = 0;    ///< allocated by files that are not of DDS
 
-  /// Bytes that nobody has or will have.
+  /// Bytes that no process holds or has reserved.
   std::size_t available() const;
 };
 /// Throws std::runtime_error when `directory` is not available.

@@ -101,7 +101,7 @@ SensorFile readSensorFile(const std::string& path);
 ForeignLens readCalibrationFile(const options::Section& section, const std::string& name);
 
 /// Puts size, model and numbers of the lens into `model`. The user's `camera_model` and `projection` decide
-/// if the file states no model. Throws options::Error if nobody states it, or if file and user contradict
+/// if the file states no model. Throws options::Error if neither states it, or if file and user contradict
 /// each other.
 void applyForeign(const options::Section& section, const ForeignLens& lens, CameraModel& model);
 

@@ -173,7 +173,7 @@ enum class PoseEvent : std::uint8_t {
   kLoopClosed = 2,   ///< a return to a known place corrected the path
   kAbsolute = 3,     ///< an absolute measurement corrected it
   kCorrected = 4,    ///< any other correction beyond 3 σ
-  kGap = 5           ///< first pose after a time without poses: no frame arrived, or nobody estimated
+  kGap = 5           ///< first pose after a time without poses: no frame arrived, or no localizer ran
 };
 const char* toString(PoseEvent event);
 

@@ -104,7 +104,7 @@ class Inlet {
   const bus::Reader<Wire>& reader() const { return *reader_; }
 
  private:
-  /// Live, samples may be lost, also the last one of a stream: nobody waits for it for ever.
+  /// Live, samples may be lost, also the last one of a stream. This bound prevents a deadlock.
   bool isOverdue() const {
     constexpr std::chrono::seconds kOnTheWay{2};  // samples that run/end has overtaken
     return is_live_ && std::chrono::steady_clock::now() - end_heard_ >= kOnTheWay;

@@ -98,7 +98,7 @@ class Restarts {
 
 int launch(const RunRequest& request) {
   using namespace omnifleet;
-  std::signal(SIGPIPE, SIG_IGN);  // output that nobody reads is dropped
+  std::signal(SIGPIPE, SIG_IGN);  // output without a reader is dropped
   const supervisor::StopSignals
       signals;  // before any thread: a thread that receives Ctrl-C would end the program
   const fleet::Fleet fleet = fleet::Fleet::load(request.fleet_file, request.dataset, request.overlays);

@@ -187,13 +187,13 @@ Progress::Progress(const Listening& listening) {
 
 void Progress::noteFailing(const std::string& what) {
   const std::string line = what + "\n";
-  // A full pipe: the listener hangs, and nobody would read the note.
+  // A full pipe: the listener hangs, and the note would have no reader.
   if (write(pipe_, line.data(), line.size()) < 0) return;
 }
 
 Progress::~Progress() {
   close(pipe_);
-  // Discovery and a timer of Fast DDS 2.9 may wait for each other for ever (docs/methods/dds.md).
+  // Deadlock between discovery and a timer of Fast DDS 2.9 (docs/methods/dds.md).
   const int pid_fd = static_cast<int>(syscall(SYS_pidfd_open, listener_, 0));
   pollfd ended{pid_fd, POLLIN, 0};
   const bool hangs =

@@ -9,8 +9,8 @@
 namespace omnifleet::local_mapper {
 
 /// Notices wheel rows whose times meet no frame (another clock or another unit of time), and wheels that
-/// nobody publishes. Without this check the run looks like one of a robot without wheels. `rows`: acquisition
-/// times of the rows received so far; empty: none.
+/// no process publishes. Without this check the run looks like one of a robot without wheels. `rows`:
+/// acquisition times of the rows received so far; empty: none.
 class WheelCheck {
  public:
   /// @param patience_ns how long the wheels may be missing; live, the robot base may start later than the
