@@ -61,7 +61,7 @@ bool Election::take(Time now) {
   }
   int before = 0;
   for (std::size_t i = 0; i < rank_; ++i) before += others_[i].alive ? 1 : 0;
-  // A candidate that dies while it could have taken the office does not shorten the turns of the others.
+  // A candidate that fails while it could have taken the office does not shorten the turns of the others.
   if (!vacant_since_ || before < before_) vacant_since_ = now;
   before_ = before;
   const Time turn = *vacant_since_ + before * kTurn;

@@ -93,7 +93,7 @@ class SignalledBus {
   ~SignalledBus() { signalled_bus = nullptr; }
 };
 
-/// Services of the whole fleet are told apart by their machine, if there are several.
+/// Services of the whole fleet are distinguished by their machine, if there are several.
 std::string instanceOf(const ServiceOptions& options) {
   if (!options.camera.empty()) return options.camera;
   return options.robot.empty() ? options.host : options.robot;

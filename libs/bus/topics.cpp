@@ -4,8 +4,8 @@ namespace omnifleet::bus {
 namespace {
 
 /// Streams: one sample per frame and key. Live mode keeps as many samples as a slow reader can still use.
-/// Deterministic modes lose no sample: the history for late joiners covers the time between the match at the
-/// writer and the match at the reader.
+/// Deterministic modes lose no sample: the history for late joiners holds what was sent between the match at
+/// the writer and the match at the reader.
 QosProfile stream(RunMode mode) {
   QosProfile qos;
   qos.keep_all = isDeterministic(mode);

@@ -28,8 +28,8 @@ struct LiveFrame {
   std::uint32_t sequence = 0;  ///< counts the frames of all connections
 };
 
-/// Captures the frames of a device in a thread, for ever. A device that fails is closed and opened again,
-/// wherever it is then. The newest frame is kept; older ones that were not taken are dropped.
+/// Captures the frames of a device in a thread until it is destroyed. A device that fails is closed and
+/// opened again, wherever it is then. The newest frame is kept; older ones that were not taken are dropped.
 class LiveCamera {
  public:
   using Clock = std::chrono::steady_clock;

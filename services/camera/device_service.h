@@ -25,9 +25,9 @@ struct CameraOptions {
   TimeNs clockJump_ns() const { return static_cast<TimeNs>(1e9 * clock_jump_s); }
 };
 
-/// Publishes the frames of a camera device, for ever: a device that is absent or fails is reported
-/// (camera_lost) and opened again. Frames have the time of their arrival by the shared clock of the run
-/// (SharedClock).
+/// Publishes the frames of a camera device until the run is stopped: a device that is absent or fails is
+/// reported (camera_lost) and opened again. Frames have the time of their arrival by the shared clock of the
+/// run (SharedClock).
 class DeviceCameraService : public bus::Service {
  public:
   DeviceCameraService(const bus::ServiceContext& context, const fleet::Fleet& fleet);

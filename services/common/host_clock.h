@@ -39,8 +39,8 @@ class HostClock {
 };
 
 /// The HostClock that all processes of a run on this host share. Its offset is in OUT/.clock. A process that
-/// finds no other one of the run alive begins a new run. So a process that is restarted after the system
-/// clock was set continues the time of the others.
+/// finds no other running process of the run begins a new run. So a process that is restarted after the
+/// system clock was set continues the time of the others.
 class SharedClock {
  public:
   /// An `out` that is empty or not writable gives a clock of this process alone.
@@ -55,7 +55,7 @@ class SharedClock {
   std::optional<TimeNs> agreedOffset() const;
   void publishOffset() const;
 
-  int file_ = -1;  ///< holds a shared lock while this process lives
+  int file_ = -1;  ///< holds a shared lock while this process runs
   HostClock clock_;
 };
 

@@ -37,7 +37,7 @@ Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_
 /// Only floor for the first `driven_m` metres.
 Message floorOnly(const std::string& camera, double driven_m);
 
-/// No wheel row covers a frame. @param frames, rows acquisition times
+/// No frame lies in the time range of the wheel rows. @param frames, rows acquisition times
 Message wheelsUnmatched(const std::string& robot, const TimeRange& frames, const TimeRange& rows);
 /// No wheel row has arrived during `frames` frames.
 Message wheelsSilent(const std::string& robot, int frames);

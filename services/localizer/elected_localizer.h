@@ -13,9 +13,9 @@ namespace omnifleet::services {
 
 /// The localizer of one machine of a live fleet that runs on several machines: each has one, and one of them
 /// estimates (office "estimator"). The others stand by and note the latest keyframe poses. When the
-/// estimating one dies or cannot be reached, the next one continues from these poses and from the frames that
-/// the classifiers keep. When two of them meet after the network was split, the one with the greater term
-/// recovers the state of all robots and continues alone.
+/// estimating one fails or cannot be reached, the next one continues from these poses and from the frames
+/// that the classifiers keep. When two of them meet after the network was split, the one with the greater
+/// term recovers the state of all robots and continues alone.
 class ElectedLocalizer : public bus::Service {
  public:
   ElectedLocalizer(const bus::ServiceContext& context, const fleet::Fleet& fleet);

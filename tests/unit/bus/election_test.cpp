@@ -148,8 +148,8 @@ TEST_F(Candidates, CandidateThatDoesNotTakeItsTurnIsPassedOver) {
   EXPECT_EQ(last.term(), 2u);
 }
 
-/// The first one dies before it takes the office. The third one hears nothing of the second one's term.
-TEST_F(Candidates, TurnsBeginAgainWhenACandidateBeforeDies) {
+/// The first one fails before it takes the office. The third one hears nothing of the second one's term.
+TEST_F(Candidates, TurnsBeginAgainWhenAnEarlierCandidateFails) {
   Election second(1, 3, now_), third(2, 3, now_);
   for (int i = 0; i < 45; ++i) {
     now_ += milliseconds(10);
