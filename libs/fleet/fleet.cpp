@@ -107,6 +107,31 @@ void placeCameras(Fleet& fleet) {
   }
 }
 
+/// A camera and the only reader of its frames are on one machine.
+void checkCameraHosts(const Fleet& fleet) {
+  const std::vector<ProcessSpec> all = processes(fleet);
+  const auto hostOf = [&](const std::string& service, const std::string& instance) {
+    const auto found = std::find_if(all.begin(), all.end(), [&](const ProcessSpec& process) {
+      return process.service == service && process.instance == instance;
+    });
+    return found == all.end() || found->host.empty() ? std::string("no host") : found->host;
+  };
+  for (const ProcessSpec& process : all) {
+    if (process.service != "camera") continue;
+    const CameraSpec& camera = fleet.camera(process.instance);
+    const bool is_ceiling = camera.role == CameraRole::kCeiling;
+    const std::string service = is_ceiling ? "localizer" : "local_mapper",
+                      instance = is_ceiling ? camera.id : camera.robot;
+    const std::string camera_host = hostOf("camera", camera.id), reader_host = hostOf(service, instance);
+    if (camera_host != reader_host)
+      throw options::Error(
+          fmt::format("{}: cameras.{}: it is on {}, but {} {}, which reads its frames, is on {}; frames do "
+                      "not leave their "
+                      "machine, so give both the same host",
+                      fleet.file.file(), camera.id, camera_host, service, instance, reader_host));
+  }
+}
+
 void readOwn(Fleet& fleet) {
   const options::Section robots = fleet.file.child("robots");
   for (const std::string& name : robots.keys()) {
@@ -226,6 +251,7 @@ Fleet Fleet::load(const std::string& fleet_file, const std::string& dataset_fold
             [](const auto& a, const auto& b) { return a.id < b.id; });
   checkNames(fleet);
   checkSensors(fleet);
+  checkCameraHosts(fleet);
   return fleet;
 }
 

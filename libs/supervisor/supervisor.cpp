@@ -153,7 +153,12 @@ class Run {
     for (Member& member : members_) {
       if (stopping_ || member.decide_s > now_s) continue;
       member.decide_s = EventLoop::kNever;
-      fail(member, member.status.describe());
+      if (member.spec.stops_run) {
+        report_.signal = member.status.stopSignal();
+        stop(EndReason::kSignal, strsignal(report_.signal));
+      } else {
+        fail(member, member.status.describe());
+      }
     }
   }
 

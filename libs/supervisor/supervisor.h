@@ -32,6 +32,8 @@ struct ProcessSpec {
   RestartPolicy restart = RestartPolicy::kOnFailure;
   /// Exit code on the first start that means "cannot run" (bad options): no restart, the run ends. 0: none.
   int refusal_code = 0;
+  /// A stop signal to this process alone, which is not restarted, stops the run; false: it fails the run.
+  bool stops_run = false;
   bool sink = false;  ///< the run ends when every sink has exited with 0 by itself
 };
 

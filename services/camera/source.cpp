@@ -2,7 +2,6 @@
 
 #include <filesystem>
 
-#include "dataset/capture.h"
 #include "dataset/dataset.h"
 
 namespace omnifleet::services {
@@ -42,17 +41,10 @@ void checkSize(dataset::FrameSource& source) {
                          "; all first frames differ from sensor.yaml. Use the sensor.yaml of this camera");
 }
 
-void checkDevice(const fleet::CameraSpec& camera) {
-  std::string fault;
-  const dataset::FrameSize size{camera.model.image_width_px, camera.model.image_height_px};
-  if (!dataset::makeCaptureDevice(camera.path, size)->open(fault))
-    throw options::Error(camera.path + ": this camera device cannot be opened: " + fault);
-}
-
 }  // namespace
 
 void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
-  if (camera.source == fleet::CameraSource::kArena) return;
+  if (camera.source == fleet::CameraSource::kArena || camera.source == fleet::CameraSource::kDevice) return;
   if (camera.source == fleet::CameraSource::kDataset) {
     const auto images = std::filesystem::path(fleet.dataset) / camera.id / "data";
     if (!std::filesystem::is_directory(images))
@@ -61,7 +53,6 @@ void checkSource(const fleet::CameraSpec& camera, const fleet::Fleet& fleet) {
     return;
   }
   try {
-    if (camera.source == fleet::CameraSource::kDevice) return checkDevice(camera);
     const auto source = openSource(camera, fleet);
     if (camera.source == fleet::CameraSource::kFolder) checkSize(*source);
   } catch (const options::Error& error) {

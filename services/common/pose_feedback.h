@@ -37,8 +37,9 @@ class PoseFeedback {
   bool pull(bus::StatusBoard& status) {
     bool any = false;
     for (auto& inlet : poses_) {
-      any |= inlet->pull(status, [this](const v1::Pose& wire, Payload& payload) {
-        if (!term_.accepts(wire.term())) return Validity::kIgnored;
+      any |= inlet->pull(status, [this, &inlet](const v1::Pose& wire, Payload& payload) {
+        if (!term_.accepts(inlet->stream(), wire.term(), wire.header().acquired_ns()))
+          return Validity::kIgnored;
         for (const v1::PublishedPose& other : wire.published()) {
           const auto stream = stream_of_.find(other.robot().to_string());
           if (stream != stream_of_.end())

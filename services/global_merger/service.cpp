@@ -130,8 +130,9 @@ bool GlobalMergerService::pull() {
     }) > 0;
   }
   for (auto& inlet : poses_) {
-    any |= inlet->pull(status(), [this](const v1::Pose& wire, Payload& payload) {
-      if (!pose_term_.accepts(wire.term())) return Validity::kIgnored;
+    any |= inlet->pull(status(), [this, &inlet](const v1::Pose& wire, Payload& payload) {
+      if (!pose_term_.accepts(inlet->stream(), wire.term(), wire.header().acquired_ns()))
+        return Validity::kIgnored;
       promise(wire);
       return orInvalid(adapters::fromWire(wire, payload.emplace<PoseEstimate>()));
     }) > 0;

@@ -91,6 +91,7 @@ std::vector<supervisor::ProcessSpec> plan(const RunRequest& request, const fleet
     // failed simulated world always ends the run, because its time and poses are lost.
     spec.restart = mode == "live" && process.service != "world" ? supervisor::RestartPolicy::kOnFailure
                                                                 : supervisor::RestartPolicy::kNever;
+    spec.stops_run = mode == "live";
     spec.refusal_code = static_cast<int>(bus::ExitCode::kBadOptions);
     specs.push_back(std::move(spec));
   }

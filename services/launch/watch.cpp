@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "common/rough_duration.h"
+
 namespace omnifleet::launch {
 namespace {
 
@@ -11,13 +13,22 @@ namespace {
 constexpr bus::Silence::Limits kLimits{std::chrono::seconds(5), std::chrono::seconds(15)};
 constexpr std::chrono::seconds kKept{15};  // beyond the longest delay of a restart
 
+/// What to do about another machine of the fleet that was never heard.
+std::string advice(const bus::Silence::Silent& silent) {
+  if (silent.heard || silent.name.rfind("launch ", 0) != 0) return {};
+  return "; if the fleet runs there, check that both machines use the same domain and interfaces of one "
+         "network, and give `peers` if that network carries no multicast";
+}
+
 }  // namespace
 
 std::string silentText(const std::vector<bus::Silence::Silent>& silent) {
   constexpr std::size_t kRoom = 450;  // characters; last_error holds 512
   std::string text;
   for (std::size_t i = 0; i < silent.size(); ++i) {
-    const std::string one = silent[i].name + " " + toString(silent[i]);
+    const std::string one =
+        fmt::format("{} {} {}", silent[i].name, silent[i].heard ? "silent" : "not heard",
+                    services::roughDuration(static_cast<double>(silent[i].lasts.count())));
     if (text.size() + 2 + one.size() > kRoom) return text + fmt::format(", {} more", silent.size() - i);
     text += (text.empty() ? "" : ", ") + one;
   }
@@ -56,7 +67,7 @@ std::vector<std::string> Watch::check(Clock::time_point now) {
   std::set<std::string> names;
   for (const bus::Silence::Silent& one : silent) {
     names.insert(one.name);
-    if (silent_.count(one.name) == 0) changes.push_back(one.name + ": " + toString(one));
+    if (silent_.count(one.name) == 0) changes.push_back(one.name + ": " + toString(one) + advice(one));
   }
   for (const std::string& before : silent_) {
     if (names.count(before) == 0) changes.push_back(before + ": publishes its status again");

@@ -49,7 +49,8 @@ class Watch {
   bus::StatusPublisher publisher_;
 };
 
-/// "classifier r1 silent for 5 s", comma-separated; "N more" replaces those that do not fit into a status.
+/// "classifier r1 silent for more than 5 s", comma-separated; "N more" replaces those that do not fit into a
+/// status.
 std::string silentText(const std::vector<bus::Silence::Silent>& silent);
 
 }  // namespace omnifleet::launch

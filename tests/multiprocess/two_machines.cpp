@@ -1,10 +1,15 @@
 #include "tests/multiprocess/two_machines.h"
 
+#include <arpa/inet.h>
 #include <fcntl.h>
+#include <netinet/in.h>
 #include <sched.h>
+#include <sys/socket.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -16,6 +21,34 @@
 
 namespace omnifleet::test {
 namespace {
+
+constexpr std::array<const char*, 2> kMachines{"pcA", "pcB"};
+
+std::string addressOf(const std::string& machine) {
+  return machine == "pcA" ? "10.77.0.1" : "10.77.0.2";
+}
+
+/// A UDP socket of the network namespace in which it is opened.
+class Socket {
+ public:
+  Socket() = default;
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
+  ~Socket() {
+    if (fd_ >= 0) close(fd_);
+  }
+
+  void open() { fd_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0); }
+  template <class Value>
+  void set(int level, int option, const Value& value) const {
+    if (setsockopt(fd_, level, option, &value, sizeof value) != 0)
+      throw std::runtime_error("cannot set a socket option");
+  }
+  int fd() const { return fd_; }
+
+ private:
+  int fd_ = -1;
+};
 
 /// The program of iproute2; empty if it is not installed.
 std::string ipProgram() {
@@ -62,21 +95,45 @@ std::string TwoMachines::obstacle() {
   return can_link ? "" : "no permission to make virtual interfaces";
 }
 
-TwoMachines::TwoMachines() : prefix_("of" + std::to_string(getpid())) {
-  for (const char* machine : {"pcA", "pcB"}) mustRunIp("netns add " + nameOf(machine));
+TwoMachines::TwoMachines(Link link) : prefix_("of" + std::to_string(getpid())) {
+  for (const char* machine : kMachines) mustRunIp("netns add " + nameOf(machine));
+  link == Link::kDirect ? connectDirectly() : connectByRouter();
+  awaitCarrier();
+}
+
+void TwoMachines::connectDirectly() const {
   mustRunIp("link add net0 netns " + nameOf("pcA") + " type veth peer name net0 netns " + nameOf("pcB"));
-  for (const auto& [machine, address] : {std::pair{"pcA", "10.77.0.1/24"}, {"pcB", "10.77.0.2/24"}}) {
+  for (const char* machine : kMachines) {
     const std::string in = "-n " + nameOf(machine);
-    mustRunIp(in + " addr add " + address + " dev net0");
+    mustRunIp(in + " addr add " + addressOf(machine) + "/24 dev net0");
     mustRunIp(in + " link set lo up");
     mustRunIp(in + " link set net0 up");
   }
-  awaitCarrier();
+}
+
+/// The router answers ARP requests for both machines, so they keep the addresses of one subnet.
+void TwoMachines::connectByRouter() const {
+  const std::string router = nameOf("router"), at_router = "-n " + router;
+  mustRunIp("netns add " + router);
+  for (const char* machine : kMachines) {
+    const std::string in = "-n " + nameOf(machine);
+    mustRunIp("link add net0 netns " + nameOf(machine) + " type veth peer name " + machine + " netns " +
+              router);
+    mustRunIp(at_router + " link set " + machine + " up");
+    mustRunIp(at_router + " route add " + addressOf(machine) + "/32 dev " + machine);
+    mustRunIp(in + " addr add " + addressOf(machine) + "/32 dev net0");
+    mustRunIp(in + " link set lo up");
+    mustRunIp(in + " link set net0 up");
+    mustRunIp(in + " route add default dev net0");
+  }
+  mustRunIp(
+      "netns exec " + router +
+      " sh -c 'echo 1 > /proc/sys/net/ipv4/ip_forward; echo 1 > /proc/sys/net/ipv4/conf/all/proxy_arp'");
 }
 
 /// A carrier comes some milliseconds after the interfaces are up. Fast DDS ignores an interface without it.
 void TwoMachines::awaitCarrier() const {
-  for (const char* machine : {"pcA", "pcB"}) {
+  for (const char* machine : kMachines) {
     const InNamespace inside(nameOf(machine));
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
     const auto connected = [] {
@@ -90,7 +147,7 @@ void TwoMachines::awaitCarrier() const {
 }
 
 TwoMachines::~TwoMachines() {
-  for (const char* machine : {"pcA", "pcB"}) runIp("netns del " + nameOf(machine));
+  for (const char* name : {"pcA", "pcB", "router"}) runIp("netns del " + nameOf(name));
 }
 
 std::string TwoMachines::nameOf(const std::string& machine) const {
@@ -115,9 +172,34 @@ void TwoMachines::restore() const {
   mustRunIp("-n " + nameOf("pcA") + " link set net0 up");
 }
 
-void TwoMachines::blockMulticast() const {
-  for (const char* machine : {"pcA", "pcB"})
-    mustRunIp("-n " + nameOf(machine) + " route add blackhole 239.255.0.0/16");
+bool TwoMachines::multicastPasses() const {
+  constexpr std::uint16_t kPort = 7399;  // below the ports of all domains
+  in_addr group{}, sender{}, receiver{};
+  inet_pton(AF_INET, "239.255.0.1", &group);
+  inet_pton(AF_INET, addressOf("pcA").c_str(), &sender);
+  inet_pton(AF_INET, addressOf("pcB").c_str(), &receiver);
+  sockaddr_in target{};
+  target.sin_family = AF_INET;
+  target.sin_port = htons(kPort);
+  target.sin_addr = group;
+  Socket in_b, in_a;
+  {
+    const InNamespace inside(nameOf("pcB"));
+    in_b.open();
+    const ip_mreq membership{group, receiver};
+    const timeval patience{0, 500000};
+    in_b.set(IPPROTO_IP, IP_ADD_MEMBERSHIP, membership);
+    in_b.set(SOL_SOCKET, SO_RCVTIMEO, patience);
+    if (bind(in_b.fd(), reinterpret_cast<const sockaddr*>(&target), sizeof target) != 0)
+      throw std::runtime_error("cannot bind the multicast port");
+  }
+  const InNamespace inside(nameOf("pcA"));
+  in_a.open();
+  in_a.set(IPPROTO_IP, IP_MULTICAST_IF, sender);
+  if (sendto(in_a.fd(), "x", 1, 0, reinterpret_cast<const sockaddr*>(&target), sizeof target) != 1)
+    throw std::runtime_error("cannot send a multicast packet");
+  char byte = 0;
+  return recv(in_b.fd(), &byte, 1, 0) == 1;
 }
 
 std::uint64_t TwoMachines::receivedByA() const {

@@ -7,14 +7,19 @@
 
 namespace omnifleet::test {
 
-/// Two network namespaces, pcA (10.77.0.1) and pcB (10.77.0.2), that a pair of virtual interfaces connects.
-/// The destructor removes them.
+/// Two network namespaces, pcA (10.77.0.1) and pcB (10.77.0.2), that virtual interfaces connect. The
+/// destructor removes them.
 class TwoMachines {
  public:
+  enum class Link {
+    kDirect,  ///< as on one switch: multicast passes
+    kRouted   ///< a router between them: multicast does not pass
+  };
+
   /// Why this machine cannot make namespaces; empty: it can.
   static std::string obstacle();
 
-  TwoMachines();
+  explicit TwoMachines(Link link);
   ~TwoMachines();
   TwoMachines(const TwoMachines&) = delete;
   TwoMachines& operator=(const TwoMachines&) = delete;
@@ -27,12 +32,14 @@ class TwoMachines {
   /// Cuts the link between them, and restores it.
   void cut() const;
   void restore() const;
-  /// No multicast packet passes from now on.
-  void blockMulticast() const;
+  /// Whether a multicast packet from pcA to the group of DDS reaches pcB.
+  bool multicastPasses() const;
   /// Bytes that pcA has received from pcB since the start.
   std::uint64_t receivedByA() const;
 
  private:
+  void connectDirectly() const;
+  void connectByRouter() const;
   void awaitCarrier() const;
   std::string nameOf(const std::string& machine) const;
 

@@ -146,6 +146,19 @@ TEST_F(FleetFile, PlacesRobotsOfArenaOnMachines) {
       << "services of the whole fleet run on the first machine";
 }
 
+/// Frames do not leave their machine: such a fleet would run without a single frame.
+TEST_F(FleetFile, RefusesCameraOnAnotherMachineThanItsReader) {
+  const std::string arena = std::string("world: {arena: ") + std::getenv("OMNIFLEET_SOURCE_DIR") +
+                            "/config/arenas/small.yaml}\nrobots: {r1: {host: pc1}, r2: {host: pc2}}\n";
+  EXPECT_THAT(problemOf(arena + "cameras: {r1/fisheye: {host: pc2}, ceiling/c1: {host: pc1}}\n"),
+              testing::AllOf(HasSubstr("cameras.r1/fisheye: it is on pc2"), HasSubstr("local_mapper r1"),
+                             HasSubstr("is on pc1")));
+  EXPECT_THAT(
+      problemOf(arena + "cameras: {ceiling/c1: {host: pc1}}\nservices: {local_mapper: {host: pc2}}\n"),
+      HasSubstr("cameras.r1/fisheye: it is on pc1, but local_mapper r1"));
+  EXPECT_EQ(problemOf(arena + "cameras: {ceiling/c1: {host: pc1}}\n"), "nothing");
+}
+
 TEST_F(FleetFile, OverridesKeyByKeyWithOverlay) {
   const std::string overlay = write("overlay.yaml", "robots: {r1: {body: {height_m: 0.5}}}\nname: other\n");
   const Fleet fleet = load(std::string("name: lab\n") + kRobots + kCameras, {overlay});

@@ -145,7 +145,7 @@ TEST_F(StopTest, SignalToAllProcessesIsAStop) {
   }
 }
 
-TEST_F(StopTest, OneProcessThatASignalEndedIsRestartedOrFails) {
+TEST_F(StopTest, OneProcessThatASignalEndedIsRestartedOrStopsTheRunOrFails) {
   auto victim = shell("victim", "[ -e $D/second ] && exit 0; touch $D/second; kill -TERM $$; sleep 1000");
   victim.sink = true;
   const auto restarted = Supervisor({}).run({victim, service("other", 1)});
@@ -153,6 +153,12 @@ TEST_F(StopTest, OneProcessThatASignalEndedIsRestartedOrFails) {
   EXPECT_EQ(restarted.reason, EndReason::kSinksDone);
   fs::remove(folder_ + "/second");
   victim.restart = RestartPolicy::kNever;
+  victim.stops_run = true;
+  const auto stopped = Supervisor({}).run({victim, service("other", 1)});
+  EXPECT_EQ(stopped.reason, EndReason::kSignal);
+  EXPECT_EQ(stopped.exit_code(), 0);
+  fs::remove(folder_ + "/second");
+  victim.stops_run = false;
   const auto failed = Supervisor({}).run({victim, service("other", 1)});
   EXPECT_EQ(failed.reason, EndReason::kFailure);
   ASSERT_EQ(failed.failures.size(), 1u);

@@ -140,14 +140,10 @@ TEST_F(DeviceCamera, OfFleetFileRetriesIfItsDeviceIsAbsent) {
   EXPECT_FALSE(camera->finished());
 }
 
-TEST_F(DeviceCamera, IsRefusedByLaunchCheckIfAbsent) {
+/// After a boot, the launcher may start before the camera is found.
+TEST_F(DeviceCamera, IsNotRefusedByLaunchCheckIfAbsent) {
   const auto fleet = fleet::Fleet::load(options_.fleet, {}, {});
-  try {
-    checkSource(fleet.camera("r1/fisheye"), fleet);
-    FAIL() << "the device does not exist";
-  } catch (const options::Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("/dev/video97 does not exist"));
-  }
+  EXPECT_NO_THROW(checkSource(fleet.camera("r1/fisheye"), fleet));
 }
 
 TEST_F(DeviceCamera, RejectsFramesOfAnotherSizeAndOpensDeviceAgain) {

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include "bus/topics.h"
+#include "common/newest_term.h"
 #include "tests/unit/services/on_fake_bus/stage_bench.h"
 
 namespace omnifleet::services {
@@ -60,6 +61,20 @@ class PoseInlet : public testing::Test {
   RunEnds ends_;
   Inlet<v1::Pose, int> inlet_;
 };
+
+/// The localizer that takes over begins with frames that the classifiers have kept.
+TEST(NewestTerm, IgnoresTimesThatAnEarlierTermHasPublished) {
+  NewestTerm newest;
+  EXPECT_TRUE(newest.accepts(1, 1, 100));
+  EXPECT_TRUE(newest.accepts(1, 1, 200));
+  EXPECT_TRUE(newest.accepts(2, 1, 180));
+  EXPECT_FALSE(newest.accepts(1, 2, 190));
+  EXPECT_FALSE(newest.accepts(1, 2, 200));
+  EXPECT_TRUE(newest.accepts(1, 2, 210));
+  EXPECT_TRUE(newest.accepts(2, 2, 190));
+  EXPECT_FALSE(newest.accepts(2, 1, 300)) << "the earlier localizer, cut off";
+  EXPECT_TRUE(newest.accepts(1, 2, 205)) << "a fault of this term's own order is not hidden";
+}
 
 TEST_F(PoseInlet, IgnoresFramesThatRestartedPublisherRepeats) {
   for (const TimeNs time : {10, 20, 30, 40}) EXPECT_THAT(messagesAt(time), testing::IsEmpty());
