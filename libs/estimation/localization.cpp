@@ -62,6 +62,15 @@ void closeLoop(FleetState& fleet, RobotNode& robot, const Relocalizer::Found& fo
   fleet.keyframes.closeLoop(aid.anchor->keyframe, found.keyframe, from_to, covariance);
 }
 
+/// Observations determine the pose of a lost robot again, without a search.
+void noteFound(const FleetState& fleet, RobotNode& robot, const RobotFrame& frame) {
+  if (robot.event != PoseEvent::kNone) return;
+  robot.event = PoseEvent::kRelocalized;
+  if (frame.predicted)
+    robot.correction_sigmas =
+        sigmasOf(*frame.predicted, frame.predicted_covariance, fleet.pose(robot.window.back().pose));
+}
+
 /// A pose that no search has moved, but whatever else by more than 3 σ of its prediction.
 void noteCorrection(const FleetState& fleet, RobotNode& robot, const RobotFrame& frame) {
   if (robot.event != PoseEvent::kNone || !frame.predicted || !robot.located()) return;
@@ -220,7 +229,9 @@ void localize(FleetState& fleet, RobotFrame& frame) {
       }
     }
   }
-  robot.monitor.update(evidence);
+  const bool was_lost = robot.monitor.state() == LocalizationState::kLost;
+  const bool is_found = robot.monitor.update(evidence) == LocalizationState::kRelocalized;
+  if (was_lost && is_found) noteFound(fleet, robot, frame);
   noteCorrection(fleet, robot, frame);
 }
 

@@ -4,6 +4,8 @@ namespace omnifleet::estimation {
 
 LocalizationState LocalizationMonitor::update(const LocalizationEvidence& e) {
   const bool had_pose = state_ != LocalizationState::kUnlocated;
+  const bool was_lost = state_ == LocalizationState::kLost;
+  const bool uncertain = e.sigma_m > options_.lost_m;
   unconfirmed_ = e.located && (e.confirmed || e.found) ? 0 : unconfirmed_ + 1;
   if (unconfirmed_ == 0)
     contradicted_ = 0;
@@ -13,13 +15,16 @@ LocalizationState LocalizationMonitor::update(const LocalizationEvidence& e) {
     state_ = had_pose ? LocalizationState::kLost : LocalizationState::kUnlocated;
   } else if (e.found) {
     state_ = LocalizationState::kRelocalized;
+  } else if ((!had_pose || was_lost) && uncertain) {
+    state_ = LocalizationState::kLost;  // an observation may agree with a pose that nothing determines
+  } else if (was_lost && e.confirmed) {
+    state_ = LocalizationState::kRelocalized;
   } else if (e.confirmed || !had_pose) {
     state_ = LocalizationState::kLocalized;
   } else if (state_ == LocalizationState::kRelocalized) {
     state_ = LocalizationState::kLocalized;
   } else if (state_ != LocalizationState::kLost && unconfirmed_ >= options_.patience) {
-    const bool lost = !e.odometry && e.sigma_m > options_.lost_m;
-    state_ = lost ? LocalizationState::kLost : LocalizationState::kOdometryOnly;
+    state_ = !e.odometry && uncertain ? LocalizationState::kLost : LocalizationState::kOdometryOnly;
   }
   return state_;
 }

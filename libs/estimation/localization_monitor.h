@@ -16,11 +16,13 @@ struct LocalizationEvidence {
 
 struct LocalizationMonitorOptions {
   int patience = 5;     ///< frames without confirmation that change nothing yet
-  double lost_m = 1.0;  ///< m, σ of a position that no odometry measures: beyond it a robot is lost
+  double lost_m = 1.0;  ///< m, σ of a position that no odometry measures: beyond it a robot is lost, and a
+                        ///< lost robot stays lost
 };
 
 /// State of one robot's localisation: localized → odometry_only → lost → relocalized. Only a robot without
-/// any odometry is ever lost.
+/// any odometry is ever lost: it has none, or a localizer continues after a gap in which nothing was
+/// measured.
 class LocalizationMonitor {
  public:
   explicit LocalizationMonitor(const LocalizationMonitorOptions& options = {}) : options_(options) {}

@@ -16,6 +16,8 @@ constexpr LocalizationEvidence kContradicted{true, true, false, true, false, 0.0
 constexpr LocalizationEvidence kFound{true, true, false, false, true, 0.01};
 constexpr LocalizationEvidence kBlindAndFar{true, false, false, false, false, 2.0};
 constexpr LocalizationEvidence kBlindAndNear{true, false, false, false, false, 0.1};
+/// After a gap in which nothing was measured: what it observes agrees with a pose that may be far off.
+constexpr LocalizationEvidence kConfirmedAndFar{true, true, true, false, false, 8.0};
 constexpr LocalizationEvidence kReleased{false, true, false, false, false, 2.0};
 
 struct Transition {
@@ -55,7 +57,12 @@ const std::vector<Transition>& transitions() {
       {"lost_stays_lost_when_odometry_returns", then({kConfirmed}, times(9, kBlindAndFar)), kOdometry,
        State::kLost},
       {"lost_to_relocalized", then({kConfirmed}, times(9, kBlindAndFar)), kFound, State::kRelocalized},
-      {"lost_to_localized", then({kConfirmed}, times(9, kBlindAndFar)), kConfirmed, State::kLocalized},
+      {"lost_to_relocalized_by_observations", then({kConfirmed}, times(9, kBlindAndFar)), kConfirmed,
+       State::kRelocalized},
+      {"first_pose_after_a_gap_is_lost", {}, kConfirmedAndFar, State::kLost},
+      {"lost_while_the_pose_is_uncertain", times(9, kConfirmedAndFar), kConfirmedAndFar, State::kLost},
+      {"lost_until_the_pose_is_certain", times(9, kConfirmedAndFar), kConfirmed, State::kRelocalized},
+      {"localized_stays_so_with_growing_sigma", {kConfirmed}, kConfirmedAndFar, State::kLocalized},
       {"released_is_lost", {kConfirmed}, kReleased, State::kLost},
       {"odometry_only_to_relocalized", then({kConfirmed}, times(9, kContradicted)), kFound,
        State::kRelocalized},
@@ -74,7 +81,7 @@ TEST_P(Transitions, FollowTheTable) {
   EXPECT_EQ(monitor.update(row.evidence), row.expected) << row.name << ": " << toString(monitor.state());
 }
 
-INSTANTIATE_TEST_SUITE_P(LocalizationMonitor, Transitions, ::testing::Range<std::size_t>(0, 17),
+INSTANTIATE_TEST_SUITE_P(LocalizationMonitor, Transitions, ::testing::Range<std::size_t>(0, 21),
                          [](const auto& row) { return transitions()[row.param].name; });
 
 TEST(LocalizationMonitor, DoubtLastsUntilThePoseIsConfirmed) {
