@@ -19,7 +19,8 @@ class WheelCheck {
       : robot_(std::move(robot)), patience_ns_(patience_ns) {}
 
   /// One frame. @param has_motion the wheels gave its motion
-  /// @return a message, once, after kFrames frames and the patience without any motion
+  /// @return a message after kFrames frames and the patience: once if no row has arrived since the first
+  /// frame, and once if rows arrive but none gives a motion (also after the first message)
   std::optional<Message> add(TimeNs frame_ns, bool has_motion, const std::optional<TimeRange>& rows);
   /// The frames have ended. @return the message of a run that was too short for add()
   std::optional<Message> finish(const std::optional<TimeRange>& rows);
@@ -27,13 +28,19 @@ class WheelCheck {
   static constexpr int kFrames = 10;  ///< two seconds at 5 Hz: longer than any wheel row is late
 
  private:
-  std::optional<Message> report(const std::optional<TimeRange>& rows);
+  /// Frames in a row, since the first one or since rows arrive.
+  struct Wait {
+    TimeNs first_ns = 0;
+    int frames = 0;
+  };
+  bool isOver(Wait& wait, TimeNs frame_ns) const;
 
   std::string robot_;
   TimeNs patience_ns_;
   TimeRange seen_;  ///< frames
-  int frames_ = 0;
-  bool settled_ = false;  ///< a motion was given, or the message was returned
+  Wait without_rows_, with_rows_;
+  bool is_silence_reported_ = false;
+  bool settled_ = false;  ///< a motion was given, or rows without motion were reported
 };
 
 }  // namespace omnifleet::local_mapper

@@ -11,7 +11,7 @@ namespace omnifleet::localizer {
 
 struct PoseGapOptions {
   double least_s = 2.0;        ///< s, shortest gap
-  double least_periods = 5.0;  ///< × the interval before; robots may publish a frame every few seconds
+  double least_periods = 5.0;  ///< × the frame period of the robot, which may be a few seconds
 
   static PoseGapOptions read(const options::Section& section);
 };
@@ -22,14 +22,19 @@ class PoseGaps {
  public:
   explicit PoseGaps(const PoseGapOptions& options) : options_(options) {}
 
-  /// The last pose that is known from before this localizer began.
-  void know(const std::string& robot, TimeNs time_ns) { last_[robot] = {time_ns, 0}; }
-  /// A pose is about to be published. @return the length of the gap before it, s, if there is one
-  std::optional<double> gapBefore(const std::string& robot, TimeNs time_ns);
+  /// The last pose that is known from before this localizer began. @param sequence of its frame
+  void know(const std::string& robot, TimeNs time_ns, std::uint32_t sequence) {
+    last_[robot] = {time_ns, sequence, 0};
+  }
+  /// A pose is about to be published. @param sequence of its frame
+  /// @return the length of the gap before it, s, if there is one
+  std::optional<double> gapBefore(const std::string& robot, TimeNs time_ns, std::uint32_t sequence);
 
  private:
   struct Last {
-    TimeNs time_ns = 0, interval_ns = 0;
+    TimeNs time_ns = 0;
+    std::uint32_t sequence = 0;
+    TimeNs period_ns = 0;  ///< the shortest time per frame so far; 0: unknown
   };
   PoseGapOptions options_;
   std::map<std::string, Last> last_;

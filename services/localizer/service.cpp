@@ -203,7 +203,7 @@ bool LocalizerService::isRecovering() {
   recovery_deadline_.reset();
   keyframe_poses_.reset();
   for (const auto& [robot, latest] : state_recovery_->latest())
-    if (gaps_) gaps_->know(robot, latest.acquired_ns);
+    if (gaps_) gaps_->know(robot, latest.acquired_ns, latest.sequence);
   estimator_ = localizer::EstimatorStage(state_recovery_->setups(), estimator_options_,
                                          state_recovery_->ownFrames(own_frames_));
   estimator_.keepAlignments(state_recovery_->inMap());
@@ -388,8 +388,8 @@ void LocalizerService::notePublished(std::size_t published, const std::vector<Po
 
 void LocalizerService::publishPose(PoseEstimate pose) {
   noteLocalized(pose);
-  if (const auto gap_s =
-          gaps_ && pose.valid ? gaps_->gapBefore(pose.robot, pose.acquired_ns) : std::nullopt) {
+  if (const auto gap_s = gaps_ && pose.valid ? gaps_->gapBefore(pose.robot, pose.acquired_ns, pose.sequence)
+                                             : std::nullopt) {
     if (pose.event == PoseEvent::kNone) pose.event = PoseEvent::kGap;
     status().report(localizer::poseGap(pose.robot, *gap_s, 1e-9 * static_cast<double>(pose.acquired_ns)));
   }

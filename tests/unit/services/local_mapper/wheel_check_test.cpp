@@ -49,6 +49,21 @@ TEST(WheelCheck, WaitsForWheelsAsLongAsItsPatience) {
   EXPECT_EQ(message->code, ErrorCode::kWheelsUnmatched);
 }
 
+/// A base driver whose rows arrive late, because its discovery took long, and whose clock is ahead.
+TEST(WheelCheck, ReportsTimesOfRowsThatArriveAfterTheReportOfTheirAbsence) {
+  WheelCheck check("r1");
+  ASSERT_TRUE(feed(check, WheelCheck::kFrames, false, {}));
+  const TimeNs next_ns = kFirst_ns + WheelCheck::kFrames * kPeriod_ns;
+  const TimeRange rows{kFirst_ns + 3600 * kSecond_ns, kFirst_ns + 3601 * kSecond_ns};
+  for (int k = 0; k + 1 < WheelCheck::kFrames; ++k)
+    EXPECT_FALSE(check.add(next_ns + k * kPeriod_ns, false, rows)) << "the first rows may be too late";
+  const auto message = check.add(next_ns + WheelCheck::kFrames * kPeriod_ns, false, rows);
+  ASSERT_TRUE(message);
+  EXPECT_THAT(message->text, HasSubstr("4600.000 to 4601.000 s"));
+  EXPECT_THAT(message->text, HasSubstr("time zone"));
+  EXPECT_FALSE(check.finish(rows)) << "reported once";
+}
+
 TEST(WheelCheck, ReportsAtTheEndOfAShortRun) {
   WheelCheck check("r1");
   EXPECT_FALSE(feed(check, 5, false, {}));
