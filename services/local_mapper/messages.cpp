@@ -96,28 +96,78 @@ Message lensMismatch(const std::string& camera, double lit, const lens::CameraMo
 
 Message lensContradicted(const std::string& camera, const LensVerdict& verdict,
                          const lens::CameraModel& model) {
-  const double seen_px = verdict.seen.radius_px;
-  if (verdict.model_px <= 0.0) {
-    return {ErrorCode::kLensMismatch,
-            fmt::format(
-                "camera {}: the image is a circle of {:.0f} px about its centre, as that of a fisheye lens, "
-                "but its sensor.yaml describes a lens whose image has no round edge; distances are wrong. "
-                "Use the calibration of the fisheye lens",
-                camera, seen_px)};
+  const ImageCircle& circle = verdict.circle;
+  const std::string edge =
+      fmt::format("camera {}: the image ends {:.0f} px from its centre", camera, circle.radius_px);
+  std::string text;
+  switch (verdict.contradiction) {
+    case Contradiction::kNone:
+      return {};
+    case Contradiction::kNoEdge:
+      text = fmt::format(
+          "camera {}: the image is a circle of {:.0f} px about its centre, as that of a fisheye lens, but "
+          "its "
+          "sensor.yaml describes a lens whose image has no round edge; distances are wrong. Use the "
+          "calibration of the fisheye lens",
+          camera, circle.radius_px);
+      break;
+    case Contradiction::kCentre:
+      text = fmt::format(
+          "camera {}: the image is a circle about ({:.0f}, {:.0f}) px, but the principal point in its "
+          "sensor.yaml is ({:g}, {:g}) px, {:.0f} % of the circle's radius away; distances are wrong. Check "
+          "the order of the values (fx, fy, cx, cy) and that the calibration is of this camera and image "
+          "size",
+          camera, circle.centre_px.x(), circle.centre_px.y(), model.principal_point_px.x(),
+          model.principal_point_px.y(), 100.0 * verdict.centre_off_px / circle.radius_px);
+      break;
+    case Contradiction::kStated:
+      text = fmt::format(
+          "{}, but by its sensor.yaml the view of {:g}° ends at {:.0f} px; distances are wrong unless "
+          "fov_deg "
+          "alone is too large. Correct projection, focal_px and fov_deg",
+          edge, model.fov_deg, verdict.stated_px);
+      break;
+    case Contradiction::kTooWide:
+      text = fmt::format(
+          "{}; by its sensor.yaml that is a view of {:.0f}°, more than any fisheye lens has; distances are "
+          "wrong. Use the calibration of this camera and image size (projection, focal_px, distortion). If "
+          "the lens has this view, state fov_deg: {:.0f}",
+          edge, verdict.view_deg, verdict.view_deg);
+      break;
+    case Contradiction::kTooNarrow:
+      text = fmt::format(
+          "{}; by its sensor.yaml that is a view of {:.0f}°, less than a fisheye lens has; distances are "
+          "wrong. Use the calibration of this camera and image size (projection, focal_px, distortion). If "
+          "the lens has this view, state fov_deg: {:.0f}",
+          edge, verdict.view_deg, verdict.view_deg);
+      break;
   }
-  return {ErrorCode::kLensMismatch,
-          fmt::format(
-              "camera {}: the image ends {:.0f} px from its centre, but by its sensor.yaml the view of {:g}° "
-              "ends at {:.0f} px; distances are wrong unless fov_deg alone is too large. Correct projection, "
-              "focal_px and fov_deg",
-              camera, seen_px, model.fov_deg, verdict.model_px)};
+  return {ErrorCode::kLensMismatch, text};
 }
 
-Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_t frame) {
-  return {ErrorCode::kLensOccluded,
-          fmt::format("camera {}: {:.0f} % of the view is occluded from frame {} on; that part is ignored, "
-                      "the rest is used. Clean the lens or remove what hides it",
-                      camera, 100.0 * share, frame)};
+std::string imageEnd(const std::string& camera, const LensVerdict& verdict) {
+  const ImageCircle& circle = verdict.circle;
+  return fmt::format(
+      "camera {}: the image ends {:.1f} ± {:.1f} px from ({:.1f}, {:.1f}), {:.1f} px off the principal "
+      "point; by "
+      "its sensor.yaml that is a view of {:.1f}°. Compare it with the data sheet of the lens{}",
+      camera, circle.radius_px, circle.radius_sigma_px, circle.centre_px.x(), circle.centre_px.y(),
+      verdict.centre_off_px, verdict.view_deg,
+      verdict.states_view ? "" : ", and state the true value as fov_deg");
+}
+
+Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_t frame,
+                           double unstated_view_deg) {
+  std::string text = fmt::format(
+      "camera {}: {:.0f} % of the view is occluded from frame {} on; that part is ignored, the "
+      "rest is used. Clean the lens or remove what hides it",
+      camera, 100.0 * share, frame);
+  if (unstated_view_deg > 0.0)
+    text += fmt::format(
+        ". If it is the dark rim around the image, state fov_deg in its sensor.yaml (by its calibration the "
+        "image ends at {:.0f}°)",
+        unstated_view_deg);
+  return {ErrorCode::kLensOccluded, text};
 }
 
 Message floorOnly(const std::string& camera, double driven_m) {

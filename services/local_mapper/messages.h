@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "lens/camera.h"
-#include "local_mapper/image_circle.h"
+#include "local_mapper/lens_verdict.h"
 #include "observation/error_code.h"
 #include "observation/observation.h"
 #include "observation/time_range.h"
@@ -30,10 +30,15 @@ Message undecidedRegions(const std::string& camera,
                          const std::vector<std::pair<std::uint32_t, Eigen::Vector2d>>& at);
 /// An orthographic lens shows something beyond r = F. @param lit share of the pixels there
 Message lensMismatch(const std::string& camera, double lit, const lens::CameraModel& model);
+/// The round edge of the image contradicts the lens. @param verdict with a contradiction
 Message lensContradicted(const std::string& camera, const LensVerdict& verdict,
                          const lens::CameraModel& model);
+/// A line for the log: where the image ends by its calibration, for comparison with the lens' data sheet.
+std::string imageEnd(const std::string& camera, const LensVerdict& verdict);
 /// @param share of the view that is occluded
-Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_t frame);
+/// @param unstated_view_deg angle at which the image ends if sensor.yaml does not state it, else 0
+Message lensPartlyOccluded(const std::string& camera, double share, std::uint32_t frame,
+                           double unstated_view_deg);
 /// Only floor for the first `driven_m` metres.
 Message floorOnly(const std::string& camera, double driven_m);
 

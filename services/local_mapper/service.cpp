@@ -70,8 +70,8 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
       integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
       wheel_check_(makeWheelCheck(context, fleet, camera_.robot)),
       mapper_(makeMapper(camera_, fisheyeOptions(fleet))),
-      circle_options_(
-          local_mapper::ImageCircleOptions::read(fleet.service("local_mapper").child("image_circle"))),
+      lens_check_(camera_.model, local_mapper::ImageCircleOptions::read(
+                                     fleet.service("local_mapper").child("image_circle"))),
       laser_age_ns_(static_cast<TimeNs>(1e9 * laserAge(fleet))) {
   const auto appearance =
       local_mapper::AppearanceOptions::read(fleet.service("local_mapper").child("appearance"));
@@ -153,6 +153,8 @@ bool LocalMapperService::spin() {
           "camera {}: {} points rejected, they lie beyond the lens' image of the floor (Choi eq. 7: r >= F)",
           camera_.id, rejected_points_);
   }
+  // Later messages replace it in the status. They are in the log.
+  if (lens_problem_) status().update(*lens_problem_, true);
   return any;
 }
 
@@ -234,6 +236,7 @@ void LocalMapperService::reportFault() {
     const local_mapper::FrameFault& found = mapper_.fault();
     fault = found.code != ErrorCode::kNone ? Message{found.code, found.text}
                                            : local_mapper::frameRejected(local_map_.state);
+    if (isByLens(fault.code)) fault = {};
   }
   for (const Message& message : faults_.add(where, fault)) status().report(message);
 }
@@ -249,31 +252,44 @@ void LocalMapperService::reportUndecided(bool ended) {
   frames_since_report_ = 0;
 }
 
-/// Reports once that the image contradicts the lens of its sensor.yaml.
+/// Reports that the image contradicts the lens of its sensor.yaml. Also examines frames that were rejected as
+/// dark or occluded: a wrong lens takes the dark rim around the image for a part of the view.
 void LocalMapperService::reportLens(const cv::Mat& image) {
-  if (reported_lens_) return;
+  if (lens_problem_) return;
   if (mapper_.litBeyondLens() >= kLitBeyond) {
-    status().report(local_mapper::lensMismatch(camera_.id, mapper_.litBeyondLens(), camera_.model));
-    reported_lens_ = true;
-    return;
+    lens_problem_ = local_mapper::lensMismatch(camera_.id, mapper_.litBeyondLens(), camera_.model);
+  } else if (local_map_.state == FrameState::kOk || local_map_.state == FrameState::kDark) {
+    const auto verdict = lens_check_.examine(image);
+    if (!verdict) return;
+    if (verdict->contradiction == local_mapper::Contradiction::kNone) {
+      context_.log->info(local_mapper::imageEnd(camera_.id, *verdict));
+      if (!verdict->states_view) unstated_view_deg_ = verdict->view_deg;
+      return;
+    }
+    lens_problem_ = local_mapper::lensContradicted(camera_.id, *verdict, camera_.model);
   }
-  if (local_map_.state != FrameState::kOk || circle_frames_ >= circle_options_.frames) return;
-  ++circle_frames_;
-  if (const auto verdict = local_mapper::contradiction(image, camera_.model, circle_options_)) {
-    status().report(local_mapper::lensContradicted(camera_.id, *verdict, camera_.model));
-    reported_lens_ = true;
-  }
+  if (!lens_problem_) return;
+  status().report(*lens_problem_, true);
+  if (local_map_.state != FrameState::kOk && mapper_.fault().code == ErrorCode::kNone)
+    hidden_by_lens_ = codeOf(local_map_.state);
+}
+
+/// Is the problem a consequence of the wrong lens? Its message would mislead.
+bool LocalMapperService::isByLens(ErrorCode code) const {
+  return lens_problem_ &&
+         (code == ErrorCode::kLensOccluded || code == ErrorCode::kFloorOnly || code == hidden_by_lens_);
 }
 
 void LocalMapperService::reportOcclusion() {
   const double share = mapper_.occludedShare();
-  if (share > 0.0 && share != reported_occlusion_)
-    status().report(local_mapper::lensPartlyOccluded(camera_.id, share, local_map_.sequence));
-  if (share == 0.0 && reported_occlusion_ > 0.0)
+  if (share > 0.0 && share != reported_occlusion_ && !isByLens(ErrorCode::kLensOccluded))
+    status().report(
+        local_mapper::lensPartlyOccluded(camera_.id, share, local_map_.sequence, unstated_view_deg_));
+  if (share == 0.0 && reported_occlusion_ > 0.0 && !isByLens(ErrorCode::kLensOccluded))
     context_.log->info("camera {}: lens no longer occluded from frame {} on", camera_.id,
                        local_map_.sequence);
   reported_occlusion_ = share;
-  if (mapper_.bare_m() > kFloorOnly_m && !reported_bare_ && !reported_lens_) {
+  if (mapper_.bare_m() > kFloorOnly_m && !reported_bare_ && !isByLens(ErrorCode::kFloorOnly)) {
     status().report(local_mapper::floorOnly(camera_.id, mapper_.bare_m()));
     reported_bare_ = true;
   }

@@ -14,8 +14,8 @@
 #include "fleet/fleet.h"
 #include "local_mapper/appearance_source.h"
 #include "local_mapper/debug_images.h"
-#include "local_mapper/image_circle.h"
 #include "local_mapper/laser_service.h"
+#include "local_mapper/lens_verdict.h"
 #include "local_mapper/local_mapper.h"
 #include "local_mapper/persistent_places.h"
 #include "local_mapper/wheel_check.h"
@@ -49,6 +49,7 @@ class LocalMapperService : public bus::Service {
   void addAppearance(const local_mapper::Frame& frame);
   void joinLaser();
   void reportLens(const cv::Mat& image);
+  bool isByLens(ErrorCode code) const;
   void reportOcclusion();
   void reportFault();
   void reportUndecided(bool ended);
@@ -70,8 +71,10 @@ class LocalMapperService : public bus::Service {
   motion::WheelIntegrator integrator_;
   local_mapper::WheelCheck wheel_check_;
   local_mapper::LocalMapper mapper_;
-  local_mapper::ImageCircleOptions circle_options_;
-  int circle_frames_ = 0;  ///< valid frames in which the edge of the image was looked for
+  local_mapper::LensCheck lens_check_;
+  std::optional<Message> lens_problem_;          ///< lasts for the whole run
+  ErrorCode hidden_by_lens_ = ErrorCode::kNone;  ///< why the frame that showed the wrong lens was rejected
+  double unstated_view_deg_ = 0.0;  ///< angle at which the image ends, if sensor.yaml does not state it
   std::optional<local_mapper::AppearanceSource> appearance_;
   std::optional<laser::LaserMapper> laser_;
   TimeNs laser_age_ns_;
@@ -87,7 +90,7 @@ class LocalMapperService : public bus::Service {
   std::vector<std::pair<std::uint32_t, Eigen::Vector2d>> unreported_;
   int frames_since_report_ = kReportEvery;
   double reported_occlusion_ = 0.0;  ///< share of the view
-  bool reported_bare_ = false, reported_lens_ = false;
+  bool reported_bare_ = false;
   int enclosed_frames_ = 0;  ///< consecutive frames with hardly any visible floor
   bool ended_ = false;
 };
