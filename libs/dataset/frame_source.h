@@ -65,9 +65,10 @@ std::unique_ptr<FrameSource> openVideo(const std::string& path, Colour colour, F
 FrameState copyFrame(const cv::Mat& captured, Colour colour, FrameSize& size, cv::Mat& image,
                      std::string& fault);
 
-/// Throws options::Error that names data.csv, the first file and its fault if a stream names files and not
-/// one of them can be read as a frame. Decodes each stream up to its first good frame. Programs that replay a
-/// recording call it before they start.
+/// Throws options::Error that names data.csv, the first file and its fault if a stream names files and none
+/// can be read as a frame, or if no stream names a file and the recording has neither laser nor observations.
+/// Decodes each stream up to its first good frame. Programs that replay a recording call it before they
+/// start.
 void checkFrames(const Dataset& dataset);
 
 /// Decodes one file into `image` under the rules of FrameSource::next(). `buffer` is reused between calls.

@@ -26,7 +26,7 @@ struct Member {
   Backoff backoff;
   Child child;
   bool running = false;
-  bool done = false;        ///< exited with 0 by itself
+  bool done = false;        ///< exited by itself, with 0 or, as a sink, after the sources
   bool terminated = false;  ///< SIGTERM sent
   bool killed = false;      ///< SIGKILL sent
   int starts = 0;
@@ -107,8 +107,12 @@ class Run {
     if (callbacks_.on_start) callbacks_.on_start(member.spec.name, member.child.pid);
   }
 
-  void fail(Member& member, const std::string& how) {
+  void addFailure(const Member& member, const std::string& how) {
     report_.failures.push_back({member.spec.name, how, lastLines(member.spec.log_path, options_.log_lines)});
+  }
+
+  void fail(Member& member, const std::string& how) {
+    addFailure(member, how);
     if (!stopping_) stop(EndReason::kFailure, member.spec.name + ": " + how);
   }
 
@@ -128,6 +132,10 @@ class Run {
       if (status.stopSignal() == 0) fail(member, status.describe());
     } else if (status.stopSignal() != 0) {
       onStopped(member);
+    } else if (status.exited && member.spec.sink && sourcesEnded()) {
+      member.done = true;  // a new one would wait for input that has ended
+      last_done_s_ = EventLoop::clock();
+      addFailure(member, status.describe());
     } else {
       scheduleRestart(member);
     }
@@ -189,13 +197,16 @@ class Run {
                        [&](const Member& m) { return m.done || (sinks && !m.spec.sink); });
   }
 
+  /// All processes of the lowest level have ended by themselves.
+  bool sourcesEnded() const {
+    return std::all_of(members_.begin(), members_.end(),
+                       [&](const Member& m) { return m.done || m.spec.level != *levels_.begin(); });
+  }
+
   /// s on EventLoop::clock(): when the run must have ended after its sources have.
   double endDeadline() const {
     if (options_.end_within_s <= 0.0) return EventLoop::kNever;
-    const bool sources_ended = std::all_of(members_.begin(), members_.end(), [&](const Member& m) {
-      return m.done || m.spec.level != *levels_.begin();
-    });
-    return sources_ended ? last_done_s_ + options_.end_within_s : EventLoop::kNever;
+    return sourcesEnded() ? last_done_s_ + options_.end_within_s : EventLoop::kNever;
   }
 
   void stopOverdue() {
@@ -204,8 +215,7 @@ class Run {
     for (const int level : levels_) {
       for (const Member& member : members_) {
         if (member.done || member.spec.level != level) continue;
-        report_.failures.push_back(
-            {member.spec.name, how, lastLines(member.spec.log_path, options_.log_lines)});
+        addFailure(member, how);
       }
     }
     stop(EndReason::kFailure, "the sources have ended, but not the run");

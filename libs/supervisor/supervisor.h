@@ -34,7 +34,9 @@ struct ProcessSpec {
   int refusal_code = 0;
   /// A stop signal to this process alone, which is not restarted, stops the run; false: it fails the run.
   bool stops_run = false;
-  bool sink = false;  ///< the run ends when every sink has exited with 0 by itself
+  /// The run ends when every sink has exited by itself. One that exits with another code than 0 after the
+  /// sources (the lowest level) have ended is not restarted; it is a failure of the run.
+  bool sink = false;
 };
 
 struct Options {

@@ -36,4 +36,12 @@ Message cameraSizeChanged(const std::string& camera, const std::string& fault, d
               camera, fault, retry_s)};
 }
 
+Message noFrameRead(const std::string& camera, std::uint64_t frames) {
+  return {
+      ErrorCode::kFrameUnreadable,
+      fmt::format("{}: none of its {} frames could be read, so it adds nothing to the map; the log of this "
+                  "camera names the first one",
+                  camera, frames)};
+}
+
 }  // namespace omnifleet::services

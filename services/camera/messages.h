@@ -1,10 +1,11 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "observation/error_code.h"
 
-// What the service of a camera device reports. `camera` is its id.
+// What the service of a camera reports. `camera` is its id.
 namespace omnifleet::services {
 
 /// The device delivers no frames. @param lost_s since when @param retry_s longest pause between two attempts
@@ -15,5 +16,7 @@ Message cameraBack(const std::string& camera, double lost_s);
 Message cameraClockJump(const std::string& camera, TimeNs jump_ns);
 /// The device keeps delivering frames of another size than sensor.yaml.
 Message cameraSizeChanged(const std::string& camera, const std::string& fault, double retry_s);
+/// A recording, folder or video has ended, and none of its frames was valid. @param frames > 0
+Message noFrameRead(const std::string& camera, std::uint64_t frames);
 
 }  // namespace omnifleet::services

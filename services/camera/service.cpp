@@ -1,6 +1,7 @@
 #include "camera/service.h"
 
 #include "adapters/adapters.h"
+#include "camera/messages.h"
 #include "camera/source.h"
 
 namespace omnifleet::services {
@@ -61,6 +62,7 @@ bool CameraService::decode() {
   if (!source_->next(image, info)) {
     writer_->abandon();
     for (const Message& message : faults_.end()) status().report(message);
+    if (samples_ > 0 && rejected_ == samples_) status().report(noFrameRead(camera_.id, samples_));
     finish();
     return false;
   }
@@ -107,6 +109,7 @@ void CameraService::publish() {
   }
   last_ns_ = header_.acquired_ns;
   ++samples_;
+  if (header_.state != FrameState::kOk) ++rejected_;
   status().processed(steady_clock::now() - begun, header_.state == FrameState::kOk);
 }
 

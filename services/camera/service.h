@@ -48,6 +48,7 @@ class CameraService : public bus::Service {
   bool ended_ = false;
   TimeNs last_ns_ = RunEnds::kNothing;
   std::uint64_t samples_ = 0;
+  std::uint64_t rejected_ = 0;  ///< of samples_
   TimeNs first_frame_ns_ = 0;
   std::chrono::steady_clock::time_point first_sent_{};
   std::optional<std::chrono::steady_clock::time_point> wake_at_;

@@ -64,6 +64,13 @@ Message mapEmpty() {
           "no robot contributed to the map, so no map is saved; see the localizer's log"};
 }
 
+Message noUsableFrame(const std::string& robot, std::uint64_t frames) {
+  return {ErrorCode::kMapEmpty,
+          fmt::format("no usable frame of {} has arrived ({} invalid) and no other robot contributed to the "
+                      "map, so no map is saved; see the logs of its camera and its local mapper",
+                      robot, frames)};
+}
+
 Message trajectoryIncomplete() {
   return {
       ErrorCode::kTrajectoryIncomplete,

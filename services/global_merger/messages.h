@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,8 @@ Message contributionRejected(const std::string& robot);
 /// @param files names of the files @param reason of the first
 Message mapNotSaved(const std::string& files, const std::string& reason);
 Message mapEmpty();
+/// The map is empty, and no valid frame of this robot arrived. @param frames the invalid ones
+Message noUsableFrame(const std::string& robot, std::uint64_t frames);
 /// Trajectories begin where this incarnation of the merger began.
 Message trajectoryIncomplete();
 /// Candidates that are not in the map for one reason.

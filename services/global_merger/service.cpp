@@ -282,6 +282,8 @@ void GlobalMergerService::process() {
     if (auto* objects = std::get_if<Objects>(&item.payload)) {
       own_frame = true;
       valid = objects->state == FrameState::kOk;
+      ++frames_;
+      if (valid) ++usable_frames_;
       waiting_objects_.push_back(std::move(*objects));
     } else if (auto* pose = std::get_if<PoseEstimate>(&item.payload)) {
       replica_.addTrajectory(*pose);
@@ -349,10 +351,11 @@ void GlobalMergerService::savePeriodically() {
 
 void GlobalMergerService::saveFinally() {
   if (!saves_) return;
-  const bool is_live = replication_.has_value(), is_empty = replica_.map().store().robots().empty();
-  lacks_map_ = is_live && is_empty;
-  if (is_empty && (is_live || !contributed_all_)) {
-    status().report(global_merger::mapEmpty());
+  const bool is_live = replication_.has_value(), is_empty = replica_.map().store().contributions() == 0;
+  const bool is_blind = objects_ && usable_frames_ == 0;
+  lacks_map_ = is_empty && (is_live || (contributed_all_ && is_blind));
+  if (is_empty && (is_live || is_blind || !contributed_all_)) {
+    status().report(is_blind ? global_merger::noUsableFrame(robot_, frames_) : global_merger::mapEmpty());
     return;
   }
   alignments_.pull(status());

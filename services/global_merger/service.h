@@ -37,7 +37,8 @@ class GlobalMergerService : public bus::Service {
   bool background() override;
   bool finished() const override { return ended_; }
   void drain() override;
-  /// False if the map could not be saved, or if a live run has none.
+  /// False if the map could not be saved, or if there is none: in a live run, and in every run that ended
+  /// without a usable frame of this robot.
   bool succeeded() const override { return !saver_.failed() && !lacks_map_; }
   std::optional<std::chrono::steady_clock::time_point> wakeAt() const override;
   std::optional<bus::Waiting> waitingFor(std::chrono::steady_clock::time_point now) override {
@@ -102,6 +103,7 @@ class GlobalMergerService : public bus::Service {
   v1::Contribution contribution_, own_contribution_;  ///< as received; as written
   v1::KeyframePose keyframe_pose_, own_keyframe_pose_;
   bool has_new_batches_ = false;  ///< batches arrived since the map was last published or not due
+  std::uint64_t frames_ = 0, usable_frames_ = 0;  ///< of the own robot
   bool contributed_all_ = false, ended_ = false, lacks_map_ = false;
   std::chrono::steady_clock::time_point saved_at_ = std::chrono::steady_clock::now();
 };

@@ -93,7 +93,19 @@ TEST_F(FieldRecording, RefusesStreamOfWhichNoFrameCanBeRead) {
 
 TEST_F(FieldRecording, AcceptsStreamWithOneReadableFrame) {
   EXPECT_EQ(refusal("10,a.png\n15,\n20,20.png\n"), "");
-  EXPECT_EQ(refusal("10,\n20,\n"), "") << "frames that were recorded as missing name no file";
+}
+
+TEST_F(FieldRecording, RefusesRecordingWhoseRowsNameNoImage) {
+  EXPECT_THAT(refusal("10,\n20,\n"),
+              AllOf(HasSubstr("r1/fisheye/data.csv: no row names an image"), HasSubstr("2 r1/fisheye")));
+  put("dataset.yaml",
+      "format: omnifleet-dataset\nversion: 1\nrobots:\n  r1:\n    body: {radius_m: 0.15, height_m: 0.3}\n"
+      "  r2:\n    body: {radius_m: 0.15, height_m: 0.3}\n");
+  std::filesystem::create_directories(folder_ / "r2");
+  std::filesystem::copy(folder_ / "r1/fisheye", folder_ / "r2/fisheye",
+                        std::filesystem::copy_options::recursive);
+  put("r2/fisheye/data.csv", "#timestamp [ns],filename\n10,10.png\n");
+  EXPECT_EQ(refusal("10,\n20,\n"), "") << "another robot has images";
 }
 
 TEST(ImageNames, ListsOneSetForAllPrograms) {

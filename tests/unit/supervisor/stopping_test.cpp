@@ -191,6 +191,29 @@ TEST_F(StopTest, EndsAndNamesWhatRunsLongAfterTheSources) {
   EXPECT_EQ(read(folder_ + "/order"), "localizer\nmerger\n") << "all end in order and save";
 }
 
+/// A new merger would wait for input that has ended. The other sinks end in order.
+TEST_F(StopTest, DoesNotRestartSinkThatFailsAfterTheSources) {
+  Options options;
+  options.end_within_s = 60.0;
+  auto failing = shell("merger_r1", "while [ ! -e " + folder_ + "/ended ]; do sleep 0.02; done; exit 1", 2);
+  failing.sink = true;
+  auto other = shell("merger_r2", "sleep 0.3; echo saved >> " + folder_ + "/order", 2);
+  other.sink = true;
+  Callbacks callbacks;
+  callbacks.on_exit = [&](const std::string& name, const std::string&) {
+    if (name == "camera") std::ofstream(folder_ + "/ended") << "\n";
+  };
+  const auto begin = std::chrono::steady_clock::now();
+  const auto report = Supervisor(options).run({shell("camera", "exit 0"), failing, other}, callbacks);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(20));
+  EXPECT_EQ(report.restarts, 0);
+  EXPECT_EQ(report.exit_code(), 1);
+  ASSERT_EQ(report.failures.size(), 1u);
+  EXPECT_EQ(report.failures[0].name, "merger_r1");
+  EXPECT_EQ(report.failures[0].how, "exit code 1");
+  EXPECT_EQ(read(folder_ + "/order"), "saved\n");
+}
+
 TEST_F(StopTest, WaitsWithoutLimitWhileASourceRuns) {
   Options options;
   options.end_within_s = 0.05;
