@@ -43,8 +43,16 @@ int lineInXml(const std::string& text, const std::string& key) {
                                        text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
 }
 
+/// Whether a key of the top level belongs to sensor.yaml, not to the other program. In a file of one camera
+/// in Kalibr's terms `camera_model` is Kalibr's: pinhole, also for a fisheye lens.
+bool belongsToSensor(const Document& document, FileKind kind, const std::string& key,
+                     const YAML::Node& value) {
+  const bool is_kalibrs = kind == FileKind::kKalibr && key == "camera_model" && document.root["intrinsics"];
+  return isOwnKey(key, value) && !is_kalibrs;
+}
+
 /// The own keys of a document as a section whose messages keep the lines of the file.
-options::Section ownSection(const Document& document) {
+options::Section ownSection(const Document& document, FileKind kind) {
   struct Own {
     int line;
     std::string key, value;
@@ -52,7 +60,7 @@ options::Section ownSection(const Document& document) {
   std::vector<Own> found;
   for (const auto& entry : document.root) {
     const std::string& key = entry.first.Scalar();
-    if (!isOwnKey(key, entry.second)) continue;
+    if (!belongsToSensor(document, kind, key, entry.second)) continue;
     const bool matrix = entry.second.IsMap() && entry.second["data"];
     YAML::Emitter value;
     value << YAML::Flow << YAML::DoubleQuoted << key;
@@ -76,11 +84,12 @@ options::Section ownSection(const Document& document) {
   return options::Section::parse(text, document.path);
 }
 
-Document withoutOwnKeys(const Document& document) {
+Document withoutOwnKeys(const Document& document, FileKind kind) {
   Document rest = document;
   rest.root.reset(YAML::Node(YAML::NodeType::Map));  // `=` would empty the root of `document` as well
   for (const auto& entry : document.root) {
-    if (!isOwnKey(entry.first.Scalar(), entry.second)) rest.root.force_insert(entry.first, entry.second);
+    if (!belongsToSensor(document, kind, entry.first.Scalar(), entry.second))
+      rest.root.force_insert(entry.first, entry.second);
   }
   return rest;
 }
@@ -144,13 +153,13 @@ SensorFile readSensorFile(const std::string& path) {
     return {options::Section::parse(document.text, path), std::nullopt};
   }
   if (!document.isMap()) return {options::Section::parse("", path), readForeign(document, kind, "")};
-  const options::Section own = ownSection(document);
+  const options::Section own = ownSection(document, kind);
   if (own.has("calibration"))
     own.fail("calibration",
              "names another file, but this file has the keys of a calibration itself; remove one of them");
   std::string camera;
   own.read("camera", camera);
-  const Document rest = kind == FileKind::kOther ? document : withoutOwnKeys(document);
+  const Document rest = kind == FileKind::kOther ? document : withoutOwnKeys(document, kind);
   return {own, readForeign(rest, kind, camera)};
 }
 

@@ -45,10 +45,10 @@ class KalibrCamera {
     const std::string kind = text("camera_model");
     if (kind != "pinhole")
       fail("camera_model",
-           fmt::format(
-               "'{}' must be pinhole: the models omni, eucm and ds are not supported. Calibrate again with "
-               "Kalibr's pinhole-equi, or with scripts/calibrate.sh",
-               kind));
+           fmt::format("'{}' must be pinhole, in Kalibr's files also for a fisheye lens (distortion_model: "
+                       "equidistant): the models omni, eucm and ds are not supported. Calibrate again with "
+                       "Kalibr's pinhole-equi, or with scripts/calibrate.sh",
+                       kind));
     const std::vector<double> f = numbers("intrinsics"), size = numbers("resolution");
     if (f.size() != 4) fail("intrinsics", fmt::format("must be [fu, fv, pu, pv], has {} numbers", f.size()));
     if (size.size() != 2) fail("resolution", "must be [width, height]");

@@ -48,6 +48,13 @@ std::string with(std::string text, const std::string& from, const std::string& t
   return text;
 }
 
+/// The camera of a camchain as a file of one camera.
+std::string unindented(std::string text) {
+  text.erase(0, 2);
+  for (std::size_t at = 0; (at = text.find("\n  ", at)) != std::string::npos; ++at) text.erase(at + 1, 2);
+  return text;
+}
+
 struct Row {
   const char* name;
   std::string sensor, calibration;
@@ -119,6 +126,16 @@ std::vector<Row> rows() {
       {"RosOtherCamera", "camera: left\n" + kNamed, kRos + "distortion_model: equidistant\n",
        "has no camera 'left'"},
       {"CameraWithoutCalibration", "camera: cam0\n" + kMount, "", "there is no `calibration:`"},
+      {"KalibrCameraAsSensorYaml", unindented(kKalibrCamera) + kMount, "", ""},
+      {"KalibrCameraAsSensorYamlWithAnotherModel",
+       with(unindented(kKalibrCamera), "pinhole", "fisheye") + kMount, "",
+       "camera_model: 'fisheye' must be pinhole"},
+      {"EurocAsSensorYaml",
+       "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, "
+       "0, 1]\n"
+       "rate_hz: 20\n" +
+           with(unindented(kKalibrCamera), "distortion_coeffs", "distortion_coefficients") + kMount,
+       "", ""},
       {"KalibrFov", kNamed, "cam0:\n" + with(kKalibrCamera, "equidistant", "fov"), "'fov' must be one of"},
       {"KalibrOmni", kNamed, "cam0:\n" + with(kKalibrCamera, "pinhole", "omni"), "omni, eucm and ds"},
       {"KalibrUnknownKey", kNamed, "cam0:\n" + kKalibrCamera + "  line_delay: 1e-5\n",
