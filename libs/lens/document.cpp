@@ -43,6 +43,27 @@ YAML::Node loadXml(const std::string& path, const std::string& text) {
       path));
 }
 
+/// The document of a YAML file. Throws options::Error if it has several with content.
+YAML::Node onlyDocument(const std::string& path, const std::vector<YAML::Node>& documents) {
+  YAML::Node only;
+  bool has_content = false;
+  for (const YAML::Node& one : documents) {
+    if (!one.IsDefined() || one.IsNull()) continue;
+    if (has_content) {
+      const std::string key =
+          one.IsMap() && one.size() > 0 && one.begin()->first.IsScalar() ? one.begin()->first.Scalar() : "";
+      throw options::Error(
+          fmt::format("{}:{}: {}a second YAML document begins here (`---`), and only one can be meant; "
+                      "delete it, or move "
+                      "its keys into the first one",
+                      path, one.Mark().line + 1, key.empty() ? "" : key + ": "));
+    }
+    only.reset(one);
+    has_content = true;
+  }
+  return only;
+}
+
 void collectNumbers(const YAML::Node& node, std::vector<double>& values) {
   if (node.IsSequence()) {
     for (const YAML::Node& item : node) collectNumbers(item, values);
@@ -74,7 +95,7 @@ Document readDocument(const std::string& path) {
     return document;
   }
   try {
-    document.root = YAML::Load(document.text);
+    document.root = onlyDocument(path, YAML::LoadAll(document.text));
   } catch (const YAML::Exception& error) {
     document.yaml_error = fmt::format("{}: not valid YAML: {}", error.mark.line + 1, error.msg);
   }

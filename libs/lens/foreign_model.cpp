@@ -87,6 +87,19 @@ void chooseModel(const options::Section& section, const ForeignLens& lens, Camer
     model.kind = family == Family::kPinhole ? CameraKind::kPinhole : CameraKind::kFisheye;
 }
 
+/// A fisheye lens without coefficients would be an ideal one, which the file does not say.
+void requireDistortion(const options::Section& section, const ForeignLens& lens, const CameraModel& model) {
+  const bool is_ideal = section.has("projection") && model.projection == Projection::kEquidistant;
+  if (familyOf(model.projection) != Family::kFisheye || !lens.distortion.empty() || is_ideal ||
+      section.has("distortion"))
+    return;
+  failInFile(
+      lens,
+      "has no distortion coefficients, but a fisheye lens needs k1, k2, k3, k4: add "
+      "`distortion_coefficients` to this file; for an ideal lens state `projection: equidistant` in the "
+      "sensor.yaml");
+}
+
 /// The distortion in the order and number of the lens model.
 std::vector<double> distortionFor(const ForeignLens& lens, const CameraModel& model) {
   std::vector<double> d = lens.distortion;
@@ -124,6 +137,7 @@ void applyForeign(const options::Section& section, const ForeignLens& lens, Came
     section.fail("camera_model", "an equirectangular camera has no calibration file; remove one of them");
   applySize(section, lens, model);
   chooseModel(section, lens, model);
+  requireDistortion(section, lens, model);
   model.focal_px = lens.focal_px;
   model.principal_point_px = lens.principal_point_px;
   model.skew_px = lens.skew_px;
