@@ -31,6 +31,18 @@ YAML::Node nodeFromXml(const cv::FileNode& node) {
   return node.isString() ? YAML::Node(node.string()) : YAML::Node();
 }
 
+/// Removes what OpenCV does not read in front of the root element: comments above the XML declaration. Adds
+/// the declaration if it is missing.
+std::string withXmlDeclaration(std::string text) {
+  while (text.rfind("<!--", 0) == 0) {
+    const std::size_t end = text.find("-->");
+    const std::size_t next = end == std::string::npos ? end : text.find('<', end);
+    if (next == std::string::npos) return text;
+    text.erase(0, next);
+  }
+  return text.rfind("<?xml", 0) == 0 ? text : "<?xml version=\"1.0\"?>\n" + text;
+}
+
 YAML::Node loadXml(const std::string& path, const std::string& text) {
   try {
     const cv::FileStorage file(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
@@ -64,14 +76,26 @@ YAML::Node onlyDocument(const std::string& path, const std::vector<YAML::Node>& 
   return only;
 }
 
+/// NaN or infinity in the spelling of YAML, OpenCV, Python or JSON.
+bool isNonFinite(const YAML::Node& node) {
+  if (!node.IsScalar()) return false;
+  std::string text = normalized(node.Scalar());
+  text.erase(0, text.find_first_not_of(".+"));
+  return text == "nan" || text == "inf" || text == "infinity";
+}
+
+struct NonFinite {
+  std::size_t index;  ///< of the value, from 1
+  std::string text;
+};
+
 void collectNumbers(const YAML::Node& node, std::vector<double>& values) {
   if (node.IsSequence()) {
     for (const YAML::Node& item : node) collectNumbers(item, values);
     return;
   }
-  const auto value = node.as<double>();
-  if (!std::isfinite(value)) throw YAML::BadConversion(node.Mark());
-  values.push_back(value);
+  if (isNonFinite(node)) throw NonFinite{values.size() + 1, node.Scalar()};
+  values.push_back(node.as<double>());
 }
 
 }  // namespace
@@ -91,7 +115,7 @@ Document readDocument(const std::string& path) {
   const std::size_t first = document.text.find_first_not_of(" \t\r\n");
   const char begin = first == std::string::npos ? '\0' : document.text[first];
   if (begin == '<') {
-    document.root = loadXml(path, document.text.substr(first));
+    document.root = loadXml(path, withXmlDeclaration(document.text.substr(first)));
     return document;
   }
   try {
@@ -108,6 +132,10 @@ std::vector<double> numbersOf(const Document& document, const YAML::Node& node, 
   try {
     if (!data.IsDefined() || !data.IsSequence()) throw YAML::BadConversion(node.Mark());
     collectNumbers(data, values);
+  } catch (const NonFinite& value) {
+    throw options::Error(
+        fmt::format("{}: {}: value {} is {}, but every number must be finite; calibrate again",
+                    document.place(node), key, value.index, value.text));
   } catch (const YAML::Exception&) {
     throw options::Error(fmt::format("{}: {}: expected a list of numbers", document.place(node), key));
   }

@@ -65,10 +65,13 @@ bool isOcamCalib(const Document& document) {
 
 ForeignLens readOcamCalib(const Document& document) {
   const auto lines = numberLines(document.text);
-  for (const auto& line : lines) {
-    for (const double value : line) {
-      if (!std::isfinite(value))
-        throw options::Error(document.path + ": contains a number that is not finite");
+  for (std::size_t line = 0; line < lines.size(); ++line) {
+    for (std::size_t i = 0; i < lines[line].size(); ++i) {
+      if (std::isfinite(lines[line][i])) continue;
+      throw options::Error(
+          fmt::format("{}: value {} of the numbers below comment {} is {}, but every number must be finite; "
+                      "calibrate again",
+                      document.path, i + 1, line + 1, lines[line][i]));
     }
   }
   ForeignLens lens;

@@ -38,9 +38,26 @@ bool isColmap(const std::string& text) {
   return any;
 }
 
+/// ROS: sections [image] and [NAME] with "camera matrix", "distortion", "projection" above their numbers.
+bool isOstIni(const std::string& text) {
+  bool image = false, matrix = false, distortion = false;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) {
+    line.erase(line.find_last_not_of(" \t\r") + 1);
+    image = image || line == "[image]";
+    matrix = matrix || line == "camera matrix";
+    distortion = distortion || line == "distortion";
+  }
+  return image && matrix && distortion;
+}
+
 }  // namespace
 
 std::string otherFormat(const Document& document) {
+  if (isOstIni(document.text))
+    return "the ini file of ROS's camera_calibration (ost.ini). Use the ost.yaml that the calibrator saves "
+           "beside "
+           "it, or convert the file: rosrun camera_calibration_parsers convert ost.ini ost.yaml";
   if (isColmap(document.text))
     return fmt::format(
         "cameras.txt of COLMAP. {} (OPENCV_FISHEYE is kannala_brandt: fx fy cx cy k1 k2 k3 k4; OPENCV and "

@@ -65,9 +65,11 @@ void checkOcam(const CameraModel& model) {
   const double swapped = (Eigen::Vector2d(at.y(), at.x()) - middle).norm();
   if (distance > 0.05 * size && swapped < 0.25 * distance)
     implausible(fmt::format(
-        "principal_point_px: [{:g}, {:g}] is [column, row]; these values look like OCamCalib's row and "
-        "column: write [{:g}, {:g}]",
-        at.x(), at.y(), at.y(), at.x()));
+        "principal_point_px: [column {:g}, row {:g}] is far from the middle of an image {:g} px wide and "
+        "{:g} px "
+        "high; either width and height are exchanged (OCamCalib writes height first), or column and row "
+        "(OCamCalib writes row first). Compare with the size of your images",
+        at.x(), at.y(), w, h));
 }
 
 /// Distance from the principal point to the nearest border of the image.

@@ -48,6 +48,20 @@ std::string with(std::string text, const std::string& from, const std::string& t
   return text;
 }
 
+const std::string kXml =
+    "<?xml "
+    "version=\"1.0\"?>\n<opencv_storage>\n<image_width>960</image_width>\n<image_height>600</image_height>\n"
+    "<fisheye_model>1</fisheye_model>\n<camera_matrix type_id=\"opencv-matrix\">\n  <rows>3</rows>\n"
+    "  <cols>3</cols>\n  <dt>d</dt>\n  <data>\n    230. 0. 480. 0. 230. 300. 0. 0. "
+    "1.</data></camera_matrix>\n"
+    "<distortion_coefficients type_id=\"opencv-matrix\">\n  <rows>4</rows>\n  <cols>1</cols>\n  <dt>d</dt>\n"
+    "  <data>\n    1.3e-02 3e-03 -6e-03 1e-03</data></distortion_coefficients>\n</opencv_storage>\n";
+const std::string kOcamCalib =
+    "#DIRECT\n\n5 -2.300000e+02 0.000000e+00 8.6e-04 -3.6e-08 6.7e-09\n\n#inverse\n\n"
+    "11 3.64090778e+02 1.91178049e+02 -1.76807318e+01 3.77389365e+01 8.17621341e+00 2.09884615e+01 "
+    "3.76839815e+01 -4.68681421e+01 -9.44097981e+01 -5.01207974e+01 -8.89811479e+00\n\n"
+    "#center\n\n299.5 479.5\n\n#affine\n\n1.0001 0.0002 -0.0001\n\n#image size\n\n600 960\n";
+
 /// The camera of a camchain as a file of one camera.
 std::string unindented(std::string text) {
   text.erase(0, 2);
@@ -147,6 +161,22 @@ std::vector<Row> rows() {
        without(kOpenCv, kOpenCvDistortion), "cal.yml: has no distortion coefficients"},
       {"FisheyeWithDistortionOfUser", "distortion: [0.013, 0.003, -0.006, 0.001]\n" + kNamed,
        without(kOpenCv, kOpenCvDistortion) + "fisheye_model: 1\n", ""},
+      {"NanOfKalibr", kNamed, "cam0:\n" + with(kKalibrCamera, "0.003", ".nan"),
+       "cal.yml:3: cam0.distortion_coeffs: value 2 is .nan"},
+      {"NanOfOpenCv", kNamed, with(kOpenCv, "0.003", ".Nan") + "fisheye_model: 1\n", "value 2 is .Nan"},
+      {"InfinityInMatrix", kNamed, with(kOpenCv, "480.", "-.inf") + "fisheye_model: 1\n", "value 3 is -.inf"},
+      {"WordInMatrix", kNamed, with(kOpenCv, "480.", "wide") + "fisheye_model: 1\n",
+       "camera_matrix: expected a list of numbers"},
+      {"XmlCommentAboveDeclaration", kNamed, "<!-- camera 3 -->\n<!-- lab -->\n" + kXml, ""},
+      {"XmlWithoutDeclaration", kNamed, without(kXml, "<?xml version=\"1.0\"?>\n"), ""},
+      {"RosIni", kNamed,
+       "# oST version 5.0 parameters\n\n[image]\n\nwidth\n960\n\nheight\n600\n\n[narrow_stereo]\n\n"
+       "camera matrix\n230 0 480\n0 230 300\n0 0 1\n\ndistortion\n0.01 0.0 0.0 0.0 0.0\n",
+       "ost.yaml"},
+      {"OcamCalibWithHeightAndWidthExchanged", kNamed, with(kOcamCalib, "600 960", "960 600"),
+       "either width and height are exchanged"},
+      {"OcamCalibWithNan", kNamed, with(kOcamCalib, "8.6e-04", "nan"),
+       "value 4 of the numbers below comment 1 is nan"},
       {"KalibrFov", kNamed, "cam0:\n" + with(kKalibrCamera, "equidistant", "fov"), "'fov' must be one of"},
       {"KalibrOmni", kNamed, "cam0:\n" + with(kKalibrCamera, "pinhole", "omni"), "omni, eucm and ds"},
       {"KalibrUnknownKey", kNamed, "cam0:\n" + kKalibrCamera + "  line_delay: 1e-5\n",
