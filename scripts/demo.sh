@@ -14,7 +14,10 @@ while [ $# -gt 0 ]; do
   case "$1" in
     choi) scene=demo; shift ;;
     room|ahmed|explore|fernandez) scene="$1"; shift ;;
-    --out) out="${2:?--out needs a directory}"; shift 2 ;;
+    --out)
+      out="${2-}"
+      [ -n "$out" ] || { say "demo.sh: --out needs a directory"; exit 2; }
+      shift 2 ;;
     --realtime) realtime=(--realtime); shift ;;
     -h|--help) sed -n '2,8p' "$0" | cut -c3-; exit 0 ;;
     *) say "demo.sh: unknown option $1"; exit 2 ;;

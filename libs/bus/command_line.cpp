@@ -22,7 +22,7 @@ void addCommonOptions(CLI::App& app, ServiceOptions& options, int& silence_limit
       ->allow_extra_args(false);
   app.add_option("--domain", options.domain, "DDS domain")
       ->envname("OMNIFLEET_DOMAIN")
-      ->check(CLI::Range(0, 232));
+      ->check(options::domainNumber());
   app.add_option("--incarnation", options.incarnation,
                  "2 or more: number of this process after restarts in this run")
       ->check(CLI::Range(1, 1000000));

@@ -18,7 +18,9 @@ int main(int argc, char** argv) {
   omnifleet::calibrate::Options options;
   std::string board, projection = "kannala_brandt";
   double square_m = 0.0;
-  app.add_option("IMAGES_DIR", options.images, "folder with images of one camera")->required();
+  app.add_option("IMAGES_DIR", options.images, "folder with images of one camera")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--board", board, "COLSxROWS, number of inner corners (where four squares meet)")
       ->required();
   app.add_option("--square-m", square_m, "side of a square, metres")

@@ -7,6 +7,7 @@
 
 #include "ceiling_view/ceiling_view_run.h"
 #include "options/options.h"
+#include "options/range_check.h"
 
 int main(int argc, char** argv) {
   constexpr int kOk = 0, kFailed = 1, kBadInput = 2;
@@ -15,8 +16,10 @@ int main(int argc, char** argv) {
       "OUT/ceiling/<camera>_tracking.png and <camera>_map.png.\n"
       "Exit code: 0 done, 1 a picture cannot be written, 2 invalid input.");
   std::string out, dataset;
-  app.add_option("OUT", out, "folder of a run")->required();
-  app.add_option("DATASET", dataset, "the recording of this run")->required();
+  app.add_option("OUT", out, "folder of a run")->required()->check(omnifleet::options::notEmpty());
+  app.add_option("DATASET", dataset, "the recording of this run")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -48,7 +48,9 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
   std::string shape, behaviour;
   double distance_m = 0.0, angle_rad = 0.0, boundary_m = 0.0;
   std::vector<std::string> waypoints;
-  app.add_option("fleet", line.fleet, "fleet file of the running fleet")->required();
+  app.add_option("fleet", line.fleet, "fleet file of the running fleet")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--config", line.overlays,
                  "YAML on top of the fleet file, the same as at the start of the fleet");
   auto* with_shape = app.add_option("--shape", shape, "line, column, wedge or triangle")
@@ -73,7 +75,7 @@ void parse(CLI::App& app, int argc, char** argv, CommandLine& line) {
   app.add_option("--wait", line.wait_s, "seconds to wait until every robot follows the command")
       ->check(within({0.1, 3600.0}));
   app.add_option("--domain", line.domain, "DDS domain")
-      ->check(CLI::Range(0, 232))
+      ->check(omnifleet::options::domainNumber())
       ->envname("OMNIFLEET_DOMAIN");
   omnifleet::bus::addNetworkOptions(app, line.network);
   app.parse(argc, argv);

@@ -8,6 +8,7 @@
 
 #include "dataset/atomic_file.h"
 #include "evaluate/report.h"
+#include "options/range_check.h"
 
 int main(int argc, char** argv) {
   constexpr int kOk = 0, kFailed = 1, kBadInput = 2;
@@ -16,8 +17,10 @@ int main(int argc, char** argv) {
       "Exit code: 0 done, 1 a result of the run is missing or damaged or cannot be written, 2 invalid "
       "input.");
   std::string out, recording, align = "none";
-  app.add_option("OUT", out, "run directory (its --out)")->required();
-  app.add_option("DATASET", recording, "recording with groundtruth/")->required();
+  app.add_option("OUT", out, "run directory (its --out)")->required()->check(omnifleet::options::notEmpty());
+  app.add_option("DATASET", recording, "recording with groundtruth/")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   app.add_option(
          "--align", align,
          "none, or fleet: first align the whole run to the truth (for a run with an arbitrary map frame)")

@@ -19,13 +19,17 @@ int main(int argc, char** argv) {
       "interval.");
   omnifleet::fit_scale::Options options;
   int degree = -1;
-  app.add_option("PAIRS", options.pairs, "CSV file: d_robot_px,d_ceiling_px")->required();
+  app.add_option("PAIRS", options.pairs, "CSV file: d_robot_px,d_ceiling_px")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--out", options.out, "scale.yaml to write")
       ->required()
       ->check(omnifleet::options::notEmpty());
-  app.add_option("--plot", options.plot, "picture of alpha over d_r (.png), the paper's Fig. 3b");
+  app.add_option("--plot", options.plot, "picture of alpha over d_r (.png), the paper's Fig. 3b")
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--overlay", options.overlay,
-                 "overlay to write: gives the fit to the method of config/papers/ahmed.yaml");
+                 "overlay to write: gives the fit to the method of config/papers/ahmed.yaml")
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--metres-per-ceiling-px", options.metres_per_ceiling_px,
                  "metres of floor per pixel of the ceiling camera, for the overlay")
       ->check(omnifleet::options::within({1e-6, 10.0}));

@@ -9,8 +9,11 @@
 int main(int argc, char** argv) {
   CLI::App app{"Runs a whole fleet in one process, with a recording or an arena"};
   omnifleet::services::InProcessRun run;
-  auto* dataset = app.add_option("--dataset", run.dataset, "recording to replay");
-  app.add_option("--fleet", run.fleet_file, "fleet file")->excludes(dataset);
+  auto* dataset =
+      app.add_option("--dataset", run.dataset, "recording to replay")->check(omnifleet::options::notEmpty());
+  app.add_option("--fleet", run.fleet_file, "fleet file")
+      ->excludes(dataset)
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--config", run.overlays, "YAML on top of the fleet file; repeatable");
   app.add_option("--out", run.out, "run directory")->required()->check(omnifleet::options::notEmpty());
   app.add_option("--log-level", run.log_level, "trace, debug, info, warn, error");

@@ -49,8 +49,10 @@ int main(int argc, char** argv) {
       "Converts a UTIAS MRCLAM data set to a dataset: wheel speeds, observations and truth of every robot.");
   std::string source, out;
   omnifleet::import::MrclamOptions options;
-  app.add_option("SOURCE", source, "folder or .tar.gz of the data set")->required();
-  app.add_option("OUT", out, "dataset folder to create")->required();
+  app.add_option("SOURCE", source, "folder or .tar.gz of the data set")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
+  app.add_option("OUT", out, "dataset folder to create")->required()->check(omnifleet::options::notEmpty());
   app.add_option("--wheel-separation", options.wheel_separation_m, "distance between the wheels, metres")
       ->check(omnifleet::options::within({0.01, 10.0}));
   app.add_flag("--initial-poses", options.initial_poses,

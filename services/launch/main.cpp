@@ -38,11 +38,11 @@ void addCommon(CLI::App& app, RunRequest& request) {
   app.add_option("--duration", request.duration_s, "stop after this many seconds")->check(within({0.1, 1e9}));
   app.add_option("--stop-within", request.stop_within_s,
                  "seconds within which all processes must end after a stop request")
-      ->check(within({0.1, 600.0}))
+      ->check(within({0.1, 600.0}, "OMNIFLEET_STOP_WITHIN"))
       ->envname("OMNIFLEET_STOP_WITHIN")
       ->capture_default_str();
   app.add_option("--domain", request.domain, "DDS domain")
-      ->check(CLI::Range(0, 232))
+      ->check(omnifleet::options::domainNumber())
       ->envname("OMNIFLEET_DOMAIN");
   omnifleet::bus::addNetworkOptions(app, request.network);
   app.add_flag("--debug-images", request.debug_images, "write an image of every local map to OUT/debug");
@@ -143,12 +143,12 @@ int main(int argc, char** argv) {
   // replace --domain of the used one.
   RunRequest request, replay_request;
   auto* run = app.add_subcommand("run", "run the fleet of a fleet file");
-  run->add_option("fleet", request.fleet_file, "fleet file")->required();
+  run->add_option("fleet", request.fleet_file, "fleet file")->required()->check(notEmpty());
   run->add_option("--out", request.out, "run directory")->default_val("out/run")->check(notEmpty());
   run->add_flag("--realtime", request.realtime, "run the arena, image folders and videos in real time");
   addCommon(*run, request);
   auto* replay = app.add_subcommand("replay", "replay a recording at full speed, without losing frames");
-  replay->add_option("dataset", replay_request.dataset, "dataset folder")->required();
+  replay->add_option("dataset", replay_request.dataset, "dataset folder")->required()->check(notEmpty());
   replay->add_option("--out", replay_request.out, "run directory")->required()->check(notEmpty());
   addCommon(*replay, replay_request);
   omnifleet::services::silenceImageLibraries();

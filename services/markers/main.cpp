@@ -123,11 +123,14 @@ int main(int argc, char** argv) {
       "Exit code: 0 done, 1 a file cannot be written, 2 invalid input or colours that cannot be "
       "distinguished.");
   Arguments arguments;
-  app.add_option("IMAGE", arguments.image, "image of the ceiling camera")->required();
+  app.add_option("IMAGE", arguments.image, "image of the ceiling camera")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--out", arguments.out, "markers.yaml to write")
       ->required()
       ->check(omnifleet::options::notEmpty());
-  app.add_option("--picture", arguments.picture, "picture of the picked regions (default: OUT.png)");
+  app.add_option("--picture", arguments.picture, "picture of the picked regions (default: OUT.png)")
+      ->check(omnifleet::options::notEmpty());
   addPicks(app, arguments);
   addGeometry(app, arguments);
   try {

@@ -86,7 +86,9 @@ int main(int argc, char** argv) {
   omnifleet::bus::NetworkRequest network;
   bool once = false;
   double wait_s = 2.5;
-  app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 232))->envname("OMNIFLEET_DOMAIN");
+  app.add_option("--domain", domain, "DDS domain")
+      ->check(omnifleet::options::domainNumber())
+      ->envname("OMNIFLEET_DOMAIN");
   omnifleet::bus::addNetworkOptions(app, network);
   app.add_flag("--once", once,
                "print one table and exit; exit code 1: no fleet found, 3: a service is silent");

@@ -31,7 +31,9 @@ int main(int argc, char** argv) {
   omnifleet::world::RecordingOptions options;
   std::string arena, out;
   bool random = false, no_ceiling = false, quiet = false, force = false;
-  app.add_option("ARENA", arena, "arena file (config/arenas)")->required();
+  app.add_option("ARENA", arena, "arena file (config/arenas)")
+      ->required()
+      ->check(omnifleet::options::notEmpty());
   app.add_option("--out", out, "dataset folder to create")->required()->check(omnifleet::options::notEmpty());
   app.add_option("--seed", options.seed,
                  "seed of wheels, textures and noise; with --random of the whole scene")

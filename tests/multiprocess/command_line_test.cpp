@@ -80,6 +80,50 @@ TEST(Launch, RefusesEmptyRunDirectory) {
   }
 }
 
+/// "" as a folder would be the root of the file system.
+TEST(Programs, RefuseEmptyPaths) {
+  const std::string folder = freshDir("empty_paths");
+  const std::vector<std::pair<std::vector<std::string>, std::string>> commands{
+      {{program("launch"), "run", ""}, "fleet"},
+      {{program("launch"), "replay", "", "--out", folder + "/out"}, "dataset"},
+      {{program("import_mrclam"), folder, ""}, "OUT"},
+      {{program("evaluate"), "", folder}, "OUT"},
+      {{program("evaluate"), folder, ""}, "DATASET"},
+      {{program("ceiling_view"), "", folder}, "OUT"},
+      {{program("make_recording"), "arena.yaml", "--out", ""}, "--out"},
+      {{program("calibrate"), folder, "--board", "7x5", "--square-m", "0.1", "--out", ""}, "--out"},
+      {{program("fit_scale"), "pairs.csv", "--out", "a.yaml", "--overlay", ""}, "--overlay"},
+      {{program("fit_scale"), "pairs.csv", "--out", "a.yaml", "--plot", ""}, "--plot"},
+      {{program("pick_markers"), "image.png", "--out", "m.yaml", "--picture", ""}, "--picture"},
+      {{program("command"), "", "--halt"}, "fleet"},
+  };
+  for (const auto& [argv, argument] : commands) {
+    const Outcome outcome = outcomeOf(argv, folder);
+    EXPECT_EQ(outcome.code, kBadOptions) << argv.front() << ": " << outcome.text;
+    EXPECT_THAT(outcome.text, AllOf(HasSubstr(argument + ": "), HasSubstr("the value is empty; give a path")))
+        << argv.front();
+  }
+  const Outcome demo =
+      outcomeOf({"/bin/sh", "-c", "exec '" + sourceDir() + "/scripts/demo.sh' --out ''"}, folder);
+  EXPECT_EQ(demo.code, kBadOptions);
+  EXPECT_EQ(demo.text, "demo.sh: --out needs a directory\n");
+}
+
+TEST(Launch, NamesVariableOfTheEnvironmentWithAWrongValue) {
+  const std::string folder = freshDir("wrong_domain");
+  for (const std::vector<std::string>& argv :
+       {std::vector<std::string>{program("launch"), "run", fleetFile(), "--out", folder + "/out"},
+        {program("status"), "--once"},
+        {program("command"), fleetFile(), "--halt"},
+        {program("classifier"), "--fleet", fleetFile()}}) {
+    const Outcome outcome = outcomeOf(argv, folder, {{"OMNIFLEET_DOMAIN", "abc"}});
+    EXPECT_EQ(outcome.code, kBadOptions) << argv.front();
+    EXPECT_THAT(outcome.text,
+                HasSubstr("'abc' (from the environment variable OMNIFLEET_DOMAIN) is not a whole "
+                          "number within [0, 232]"));
+  }
+}
+
 TEST(Launch, NamesLoopbackInterfaceThatIsDown) {
   const std::string folder = freshDir("loopback");
   if (outcomeOf({"/usr/bin/unshare", "-n", "/bin/true"}, folder).code != 0)

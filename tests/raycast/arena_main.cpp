@@ -5,6 +5,7 @@
 #include <exception>
 #include <string>
 
+#include "options/range_check.h"
 #include "tests/raycast/arena_recording.h"
 
 int main(int argc, char** argv) try {
@@ -12,7 +13,7 @@ int main(int argc, char** argv) try {
   CLI::App app{"Records two robots with forward cameras in a divided arena (independent renderer)"};
   std::string out;
   bool hard = false;
-  app.add_option("OUT", out, "folder of the recording")->required();
+  app.add_option("OUT", out, "folder of the recording")->required()->check(omnifleet::options::notEmpty());
   app.add_option("--seed", options.seed, "seed of arena, paths and noise, default 0");
   app.add_option("--layout", options.layout, "walls of blocks: 1 (default) or 2")->check(CLI::Range(1, 2));
   app.add_option("--frames", options.frames, "images per front camera, at 5 Hz, default 250")

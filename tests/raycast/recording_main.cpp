@@ -20,7 +20,7 @@ int main(int argc, char** argv) try {
       {"stereographic", lens::Projection::kStereographic}};
   const std::map<std::string, raycast::Light> lights{{"shadows", raycast::Light::kShadows},
                                                      {"lamp", raycast::Light::kOneLamp}};
-  if (argc < 3) {
+  if (argc < 3 || argv[1][0] == '\0') {
     std::fputs(
         "usage: raycast_recording OUT SEED [FLOOR [PROJECTION [LIGHT [tape | shadows | lamp]]]]\n"
         "  OUT         folder of the recording\n"

@@ -5,6 +5,7 @@
 #include <exception>
 #include <string>
 
+#include "options/range_check.h"
 #include "tests/raycast/room_pair.h"
 
 namespace {
@@ -128,7 +129,7 @@ int main(int argc, char** argv) try {
   std::string out, pair;
   double minutes = 0.0;
   bool vga = false, low = false, no_walls = false, no_wheels = false, flawed = false;
-  app.add_option("OUT", out, "folder of the recording")->required();
+  app.add_option("OUT", out, "folder of the recording")->required()->check(omnifleet::options::notEmpty());
   app.add_option("SEED", options.seed, "seed of room, paths and noise")->required();
   app.add_option("--robots", options.robots, "number of robots, default 1")->check(CLI::Range(1, 8));
   auto* frames = app.add_option("--frames", options.frames, "frames per robot, default 200")

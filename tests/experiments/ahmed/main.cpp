@@ -8,6 +8,7 @@
 
 #include "dataset/atomic_file.h"
 #include "options/options.h"
+#include "options/range_check.h"
 #include "tests/experiments/ahmed/error_curve.h"
 #include "tests/experiments/ahmed/figures.h"
 #include "tests/experiments/ahmed/result.h"
@@ -90,7 +91,9 @@ int main(int argc, char** argv) {
   }
   figures->add_option("--config", overlays, "overlay of the literal method, repeatable")->required();
   for (auto* command : {scale, row, all, figures})
-    command->add_option("--out", out, "folder of the results")->required();
+    command->add_option("--out", out, "folder of the results")
+        ->required()
+        ->check(omnifleet::options::notEmpty());
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

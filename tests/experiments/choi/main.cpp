@@ -84,7 +84,10 @@ int main(int argc, char** argv) {
   auto* all = app.add_subcommand("report", "print the tables of all finished seeds");
   all->add_option("--first", first, "first seed");
   all->add_option("--last", last, "last seed");
-  for (auto* command : {seed, all}) command->add_option("--out", out, "folder of the results")->required();
+  for (auto* command : {seed, all})
+    command->add_option("--out", out, "folder of the results")
+        ->required()
+        ->check(omnifleet::options::notEmpty());
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

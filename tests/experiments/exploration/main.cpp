@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "options/options.h"
+#include "options/range_check.h"
 #include "tests/experiments/exploration/arena.h"
 #include "tests/experiments/exploration/run.h"
 
@@ -42,7 +43,7 @@ int main(int argc, char** argv) {
   app.add_option("--last", last, "last seed");
   app.add_option("--longest-s", longest_s, "longest run, s");
   app.add_option("--arenas", arenas, "folder with ahmed.yaml and ahmed2.yaml")->required();
-  app.add_option("--out", out, "folder of the runs")->required();
+  app.add_option("--out", out, "folder of the runs")->required()->check(omnifleet::options::notEmpty());
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -8,6 +8,7 @@
 
 #include "dataset/atomic_file.h"
 #include "options/options.h"
+#include "options/range_check.h"
 #include "tests/experiments/fernandez/figures.h"
 #include "tests/experiments/fernandez/pick.h"
 #include "tests/experiments/fernandez/result.h"
@@ -88,7 +89,11 @@ int main(int argc, char** argv) {
     command->add_option("--last", last, "last seed");
   }
   for (auto* command : {picks, studies, row, all, figures})
-    command->add_option("--out", out, "folder of the results; of pick: data set; of study: file")->required();
+    command
+        ->add_option(
+            "--out", out,
+            "folder of the results->check(omnifleet::options::notEmpty()); of pick: data set; of study: file")
+        ->required();
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

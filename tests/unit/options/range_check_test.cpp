@@ -43,5 +43,17 @@ TEST(RangeCheck, RejectsOtherTextAndNamesTheBounds) {
   }
 }
 
+TEST(DomainNumber, NamesTheVariableThatHoldsTheValue) {
+  const CLI::Validator check = domainNumber();
+  for (const char* good : {"0", "232"}) EXPECT_EQ(check(good), "");
+  ::unsetenv("OMNIFLEET_DOMAIN");
+  EXPECT_EQ(check("233"), "'233' is not a whole number within [0, 232]");
+  ::setenv("OMNIFLEET_DOMAIN", "abc", 1);
+  EXPECT_EQ(check("abc"),
+            "'abc' (from the environment variable OMNIFLEET_DOMAIN) is not a whole number within [0, 232]");
+  EXPECT_EQ(check("-1"), "'-1' is not a whole number within [0, 232]") << "given as an option";
+  ::unsetenv("OMNIFLEET_DOMAIN");
+}
+
 }  // namespace
 }  // namespace omnifleet::options
