@@ -62,7 +62,7 @@ void closeLoop(FleetState& fleet, RobotNode& robot, const Relocalizer::Found& fo
   fleet.keyframes.closeLoop(aid.anchor->keyframe, found.keyframe, from_to, covariance);
 }
 
-/// Observations determine the pose of a lost robot again, without a search.
+/// Observations determine the pose again, without a search.
 void noteFound(const FleetState& fleet, RobotNode& robot, const RobotFrame& frame) {
   if (robot.event != PoseEvent::kNone) return;
   robot.event = PoseEvent::kRelocalized;
@@ -229,9 +229,7 @@ void localize(FleetState& fleet, RobotFrame& frame) {
       }
     }
   }
-  const bool was_lost = robot.monitor.state() == LocalizationState::kLost;
-  const bool is_found = robot.monitor.update(evidence) == LocalizationState::kRelocalized;
-  if (was_lost && is_found) noteFound(fleet, robot, frame);
+  if (robot.monitor.update(evidence) == LocalizationState::kRelocalized) noteFound(fleet, robot, frame);
   noteCorrection(fleet, robot, frame);
 }
 

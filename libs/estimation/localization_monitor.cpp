@@ -4,7 +4,6 @@ namespace omnifleet::estimation {
 
 LocalizationState LocalizationMonitor::update(const LocalizationEvidence& e) {
   const bool had_pose = state_ != LocalizationState::kUnlocated;
-  const bool was_lost = state_ == LocalizationState::kLost;
   const bool uncertain = e.sigma_m > options_.lost_m;
   unconfirmed_ = e.located && (e.confirmed || e.found) ? 0 : unconfirmed_ + 1;
   if (unconfirmed_ == 0)
@@ -15,10 +14,12 @@ LocalizationState LocalizationMonitor::update(const LocalizationEvidence& e) {
     state_ = had_pose ? LocalizationState::kLost : LocalizationState::kUnlocated;
   } else if (e.found) {
     state_ = LocalizationState::kRelocalized;
-  } else if ((!had_pose || was_lost) && uncertain) {
-    state_ = LocalizationState::kLost;  // an observation may agree with a pose that nothing determines
-  } else if (was_lost && e.confirmed) {
+  } else if (had_pose && !is_determined_ && e.confirmed && !uncertain) {
     state_ = LocalizationState::kRelocalized;
+  } else if (!had_pose && uncertain) {
+    state_ = LocalizationState::kOdometryOnly;
+  } else if (!is_determined_ && uncertain && e.confirmed) {
+    // Observations may agree with a pose that may be far off: the state stays.
   } else if (e.confirmed || !had_pose) {
     state_ = LocalizationState::kLocalized;
   } else if (state_ == LocalizationState::kRelocalized) {
@@ -26,6 +27,10 @@ LocalizationState LocalizationMonitor::update(const LocalizationEvidence& e) {
   } else if (state_ != LocalizationState::kLost && unconfirmed_ >= options_.patience) {
     state_ = !e.odometry && uncertain ? LocalizationState::kLost : LocalizationState::kOdometryOnly;
   }
+  if (state_ == LocalizationState::kUnlocated || state_ == LocalizationState::kLost)
+    is_determined_ = false;
+  else if (!uncertain)
+    is_determined_ = true;
   return state_;
 }
 

@@ -15,14 +15,15 @@ struct LocalizationEvidence {
 };
 
 struct LocalizationMonitorOptions {
-  int patience = 5;     ///< frames without confirmation that change nothing yet
-  double lost_m = 1.0;  ///< m, σ of a position that no odometry measures: beyond it a robot is lost, and a
-                        ///< lost robot stays lost
+  int patience = 5;  ///< frames without confirmation that change nothing yet
+  /// m, σ of a position: beyond it a robot without odometry is lost, and a robot whose position was not known
+  /// better since it was placed or lost is not localized, whatever agrees with its pose.
+  double lost_m = 1.0;
 };
 
 /// State of one robot's localisation: localized → odometry_only → lost → relocalized. Only a robot without
-/// any odometry is ever lost: it has none, or a localizer continues after a gap in which nothing was
-/// measured.
+/// any odometry is ever lost. A localizer may place a robot with a large σ, after a gap in which nothing
+/// measured its motion: odometry_only → relocalized.
 class LocalizationMonitor {
  public:
   explicit LocalizationMonitor(const LocalizationMonitorOptions& options = {}) : options_(options) {}
@@ -41,6 +42,7 @@ class LocalizationMonitor {
   LocalizationMonitorOptions options_;
   LocalizationState state_ = LocalizationState::kUnlocated;
   int unconfirmed_ = 0, contradicted_ = 0;
+  bool is_determined_ = false;  ///< σ was at most lost_m since it was placed, or lost
 };
 
 }  // namespace omnifleet::estimation

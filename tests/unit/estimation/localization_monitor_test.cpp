@@ -59,9 +59,12 @@ const std::vector<Transition>& transitions() {
       {"lost_to_relocalized", then({kConfirmed}, times(9, kBlindAndFar)), kFound, State::kRelocalized},
       {"lost_to_relocalized_by_observations", then({kConfirmed}, times(9, kBlindAndFar)), kConfirmed,
        State::kRelocalized},
-      {"first_pose_after_a_gap_is_lost", {}, kConfirmedAndFar, State::kLost},
-      {"lost_while_the_pose_is_uncertain", times(9, kConfirmedAndFar), kConfirmedAndFar, State::kLost},
-      {"lost_until_the_pose_is_certain", times(9, kConfirmedAndFar), kConfirmed, State::kRelocalized},
+      {"first_pose_after_a_gap_is_not_localized", {}, kConfirmedAndFar, State::kOdometryOnly},
+      {"not_localized_while_the_pose_is_uncertain", times(9, kConfirmedAndFar), kConfirmedAndFar,
+       State::kOdometryOnly},
+      {"relocalized_once_the_pose_is_certain", times(9, kConfirmedAndFar), kConfirmed, State::kRelocalized},
+      {"localized_after_that", then(times(9, kConfirmedAndFar), {kConfirmed}), kConfirmed, State::kLocalized},
+      {"lost_while_the_pose_is_uncertain", times(9, kBlindAndFar), kConfirmedAndFar, State::kLost},
       {"localized_stays_so_with_growing_sigma", {kConfirmed}, kConfirmedAndFar, State::kLocalized},
       {"released_is_lost", {kConfirmed}, kReleased, State::kLost},
       {"odometry_only_to_relocalized", then({kConfirmed}, times(9, kContradicted)), kFound,
@@ -81,7 +84,7 @@ TEST_P(Transitions, FollowTheTable) {
   EXPECT_EQ(monitor.update(row.evidence), row.expected) << row.name << ": " << toString(monitor.state());
 }
 
-INSTANTIATE_TEST_SUITE_P(LocalizationMonitor, Transitions, ::testing::Range<std::size_t>(0, 21),
+INSTANTIATE_TEST_SUITE_P(LocalizationMonitor, Transitions, ::testing::Range<std::size_t>(0, 23),
                          [](const auto& row) { return transitions()[row.param].name; });
 
 TEST(LocalizationMonitor, DoubtLastsUntilThePoseIsConfirmed) {
