@@ -69,8 +69,8 @@ TEST(ImageCircle, IsNotTheLightOfALamp) {
   cv::Mat lamp(480, 640, CV_8UC1, cv::Scalar(0));
   for (int y = 0; y < lamp.rows; ++y)
     for (int x = 0; x < lamp.cols; ++x) {
-      const double r = std::hypot(x - 322.0, y - 238.0) / 100.0;
-      lamp.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(200.0 / std::pow(1.0 + r * r, 2.0));
+      const double r = std::hypot(x - 322.0, y - 238.0) / 60.0;
+      lamp.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(250.0 * std::exp(-0.5 * r * r));
     }
   EXPECT_FALSE(findImageCircle(lamp, {}));
 }
