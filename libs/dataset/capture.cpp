@@ -11,6 +11,8 @@
 #include <opencv2/videoio.hpp>
 #include <opencv2/videoio/registry.hpp>
 
+#include "dataset/gstreamer_reason.h"
+
 namespace omnifleet::dataset {
 namespace {
 
@@ -78,9 +80,12 @@ class OpenCvDevice : public CaptureDevice {
                               : node + ": " + std::strerror(errno);
       return nullptr;
     }
+    receiveGLibMessages();
     auto capture = std::make_unique<OpenCvCapture>(node, is_node, size_);
     if (!capture->isOpen()) {
-      fault = node + " cannot be opened as a camera (is it in use by another program?)";
+      const bool is_pipeline = node.find('!') != std::string::npos;
+      fault = is_pipeline ? "the GStreamer pipeline cannot be opened: " + pipelineReason(node)
+                          : node + " cannot be opened as a camera (is it in use by another program?)";
       return nullptr;
     }
     const std::lock_guard lock(mutex_);

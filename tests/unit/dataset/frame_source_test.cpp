@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <opencv2/videoio/registry.hpp>
 
 #include "dataset/atomic_file.h"
 #include "dataset/capture.h"
@@ -15,6 +17,7 @@
 namespace omnifleet::dataset {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 cv::Mat picture(int width, int height, int brightness) {
@@ -144,6 +147,20 @@ TEST_F(Frames, NamesSourceThatCannotBeOpened) {
   std::string fault;
   EXPECT_EQ(makeCaptureDevice("/dev/video97", {})->open(fault), nullptr);
   EXPECT_THAT(fault, HasSubstr("/dev/video97 does not exist"));
+}
+
+/// A line of another program's library without source and time would stand in the log of a service.
+TEST(Pipeline, IsRefusedWithTheReasonOfGStreamerAndNoOtherLine) {
+  if (!cv::videoio_registry::hasBackend(cv::CAP_GSTREAMER)) GTEST_SKIP() << "OpenCV has no GStreamer";
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // as the launcher does
+  std::string fault;
+  ::testing::internal::CaptureStderr();
+  EXPECT_EQ(makeCaptureDevice("no_such_element ! appsink", {})->open(fault), nullptr);
+  EXPECT_THAT(fault, AllOf(HasSubstr("the GStreamer pipeline cannot be opened: "),
+                           HasSubstr("no element \"no_such_element\"")));
+  EXPECT_EQ(makeCaptureDevice("fakesrc ! fakesink", {})->open(fault), nullptr);
+  EXPECT_THAT(fault, HasSubstr("the GStreamer pipeline cannot be opened: "));
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
 }
 
 TEST_F(Frames, ReadsVideoAtItsOwnRate) {
