@@ -55,12 +55,14 @@ YAML::Node loadXml(const std::string& path, const std::string& text) {
       path));
 }
 
-/// The document of a YAML file. Throws options::Error if it has several with content.
+/// The document of a YAML file. Throws options::Error if another one with content follows a map. Texts
+/// without keys (OCamCalib) are no YAML, and their comments would end a document.
 YAML::Node onlyDocument(const std::string& path, const std::vector<YAML::Node>& documents) {
   YAML::Node only;
   bool has_content = false;
   for (const YAML::Node& one : documents) {
     if (!one.IsDefined() || one.IsNull()) continue;
+    if (has_content && !only.IsMap()) break;
     if (has_content) {
       const std::string key =
           one.IsMap() && one.size() > 0 && one.begin()->first.IsScalar() ? one.begin()->first.Scalar() : "";
