@@ -351,12 +351,15 @@ void GlobalMergerService::savePeriodically() {
 
 void GlobalMergerService::saveFinally() {
   if (!saves_) return;
-  const bool is_live = replication_.has_value(), is_empty = replica_.map().store().contributions() == 0;
+  const occupancy::ContributionStore& store = replica_.map().store();
+  const bool is_live = replication_.has_value();
+  // A robot that does not map (ceiling cameras follow its marker) has poses only.
+  const bool is_empty = objects_ ? store.contributions() == 0 : store.robots().empty();
   const bool is_blind = objects_ && usable_frames_ == 0;
   lacks_map_ = is_empty && (is_live || (contributed_all_ && is_blind));
   if (is_empty && (is_live || is_blind || !contributed_all_)) {
     status().report(is_blind ? global_merger::noUsableFrame(robot_, frames_) : global_merger::mapEmpty());
-    return;
+    if (store.robots().empty()) return;  // otherwise there are paths to save
   }
   alignments_.pull(status());
   places_.pull(status());
