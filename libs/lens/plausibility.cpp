@@ -66,8 +66,8 @@ void checkOcam(const CameraModel& model) {
   if (distance > 0.05 * size && swapped < 0.25 * distance)
     implausible(fmt::format(
         "principal_point_px: [column {:g}, row {:g}] is far from the middle of an image {:g} px wide and "
-        "{:g} px "
-        "high; either width and height are exchanged (OCamCalib writes height first), or column and row "
+        "{:g} px high; either width and height are exchanged (OCamCalib writes height first), or column and "
+        "row "
         "(OCamCalib writes row first). Compare with the size of your images",
         at.x(), at.y(), w, h));
 }

@@ -266,7 +266,7 @@ TEST(Plausibility, RejectsLensThatMakesNoSense) {
            {"OcamRowBeforeColumn",
             "projection: ocam\n" + image +
                 "principal_point_px: [241, 318]\ndistortion: [-200, 0, 1e-3, 0, 0, 1, 0, 0]\n",
-            "row and"}}) {
+            "column and row"}}) {
     SCOPED_TRACE(row.name);
     const omnifleet::test::TempFolder folder;
     const Loaded loaded = loadText(folder, row.text + "position_m: [0, 0, 0.5]\n", "");
