@@ -133,12 +133,18 @@ class Run {
     } else if (status.stopSignal() != 0) {
       onStopped(member);
     } else if (status.exited && member.spec.sink && sourcesEnded()) {
-      member.done = true;  // a new one would wait for input that has ended
-      last_done_s_ = EventLoop::clock();
-      addFailure(member, status.describe());
+      endWithFailure(member);
     } else {
       scheduleRestart(member);
     }
+  }
+
+  /// A sink failed after the sources had ended: a new one would wait for input that has ended.
+  void endWithFailure(Member& member) {
+    member.restart_s = EventLoop::kNever;
+    member.done = true;
+    last_done_s_ = EventLoop::clock();
+    addFailure(member, member.status.describe());
   }
 
   /// A signal ended one process. If it was sent to several, the run stops; the signal to this process may
@@ -172,7 +178,8 @@ class Run {
 
   void scheduleRestart(Member& member) {
     const ExitStatus& status = member.status;
-    const double delay = member.backoff.restartDelay(EventLoop::clock() - member.started_s);
+    double delay = member.backoff.restartDelay(EventLoop::clock() - member.started_s);
+    if (status.exited && member.spec.sink) delay = std::max(delay, options_.sink_restart_s);
     const bool refuses = member.starts == 1 && status.exited && status.value == member.spec.refusal_code;
     if (refuses || member.spec.restart == RestartPolicy::kNever) return fail(member, status.describe());
     member.restart_s = EventLoop::clock() + delay;
@@ -185,7 +192,9 @@ class Run {
 
   void restartDue(double now_s) {
     for (Member& member : members_) {
-      if (!stopping_ && member.restart_s <= now_s) start(member);
+      if (stopping_ || member.restart_s > now_s) continue;
+      const bool has_given_up = member.status.exited && member.spec.sink && sourcesEnded();
+      has_given_up ? endWithFailure(member) : start(member);
     }
   }
 

@@ -44,7 +44,9 @@ struct Options {
   double sink_grace_s = 8.0;     ///< s beyond stop_budget_s that a sink has to save before it is killed
   double one_press_s = 0.5;      ///< s; signals to several processes within this time are one stop request
   double restart_delay_s = 0.1;  ///< s, before the first restart
-  double restart_cap_s = 5.0;    ///< s, longest delay before a restart
+  double sink_restart_s = 1.0;  ///< s, least delay before a sink that exited with an error code is restarted:
+                                ///< the sources may be about to end, too
+  double restart_cap_s = 5.0;  ///< s, longest delay before a restart
   double young_s = 1.0;  ///< s; a failure with a shorter uptime doubles the delay, a longer uptime resets it
   double duration_s = 0.0;  ///< s; the run is stopped (successfully) after this time; 0: no limit
   /// s without the end of a process, once all processes of the lowest level (the sources) have ended by

@@ -359,7 +359,7 @@ void GlobalMergerService::saveFinally() {
   lacks_map_ = is_empty && (is_live || (contributed_all_ && is_blind));
   if (is_empty && (is_live || is_blind || !contributed_all_)) {
     status().report(is_blind ? global_merger::noUsableFrame(robot_, frames_) : global_merger::mapEmpty());
-    if (store.robots().empty()) return;  // otherwise there are paths to save
+    if (is_blind || store.robots().empty()) return;  // otherwise there are paths to save
   }
   alignments_.pull(status());
   places_.pull(status());
