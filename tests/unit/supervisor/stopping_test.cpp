@@ -165,6 +165,18 @@ TEST_F(StopTest, OneProcessThatASignalEndedIsRestartedOrStopsTheRunOrFails) {
   EXPECT_EQ(failed.failures[0].how, "killed by signal 15 (Terminated)");
 }
 
+/// A merger without a map may exit a moment before the cameras do.
+TEST_F(StopTest, SinkThatFailsShortlyBeforeTheSourcesEndIsNotRestarted) {
+  auto source = shell("source", "until [ -e $D/failed ]; do sleep 0.01; done; sleep 0.1; exit 0", 0);
+  auto sink = shell("sink", "echo started >> $D/starts; touch $D/failed; exit 1", 1);
+  sink.sink = true;
+  const RunReport report = Supervisor({}).run({source, sink});
+  EXPECT_EQ(report.exit_code(), 1);
+  ASSERT_EQ(report.failures.size(), 1u);
+  EXPECT_EQ(report.failures[0].name, "sink");
+  EXPECT_EQ(read(folder_ + "/starts"), "started\n");
+}
+
 /// nohup: the user wants the run to outlive the terminal.
 TEST_F(StopTest, IgnoredHangupStaysIgnored) {
   const auto before = std::signal(SIGHUP, SIG_IGN);
