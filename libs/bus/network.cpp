@@ -14,12 +14,12 @@
 namespace omnifleet::bus {
 namespace {
 
-// An IPv4 packet of an Ethernet frame, less than with the usual tunnels. A larger datagram is lost as a whole
-// with any of its fragments.
 // Each process asks every possible process of each peer one by one: 7 processes × 24 ports × 350 bytes per
 // announcement are 20 kB/s to each peer.
 constexpr std::chrono::seconds kLeaseOfPeers{10}, kAnnouncementToPeers{3};
 
+// An IPv4 packet of an Ethernet frame, less than with the usual tunnels. A larger datagram is lost as a whole
+// with any of its fragments.
 constexpr std::uint32_t kBetweenHosts_bytes = 1400, kWithinHost_bytes = 65000;
 
 std::optional<std::uint32_t> ipv4(const std::string& text) {

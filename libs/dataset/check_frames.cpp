@@ -33,8 +33,8 @@ void failEmpty(const Dataset& dataset, const std::vector<const ImageStream*>& em
     rows.push_back(fmt::format("{} {}", stream->rows.size(), stream->name));
   throw options::Error(
       fmt::format("{}/{}/data.csv: no row names an image, so there is nothing to map (rows: {}). The column "
-                  "filename names "
-                  "the files in the folder data beside this file, with their extension",
+                  "filename names the "
+                  "files in the folder data beside this file, with their extension",
                   dataset.folder, empty.front()->name, fmt::join(rows, ", ")));
 }
 

@@ -67,8 +67,7 @@ void checkOcam(const CameraModel& model) {
     implausible(fmt::format(
         "principal_point_px: [column {:g}, row {:g}] is far from the middle of an image {:g} px wide and "
         "{:g} px high; either width and height are exchanged (OCamCalib writes height first), or column and "
-        "row "
-        "(OCamCalib writes row first). Compare with the size of your images",
+        "row (OCamCalib writes row first). Compare with the size of your images",
         at.x(), at.y(), w, h));
 }
 
@@ -102,12 +101,11 @@ void checkCircle(const CameraModel& model, const Lens& lens, bool fov_is_stated)
         "focal_px is in pixels, not in millimetres",
         key, radius_px, model.image_width_px, model.image_height_px));
   if (!fov_is_stated && half_deg < kNarrowest_deg && radius_px < border_px - 1.0)
-    implausible(
-        fmt::format("distortion: the lens cannot be inverted beyond {:.1f}° from its axis ({:.0f} px), but "
-                    "the image reaches {:.0f} px; "
-                    "the model or the order of the values is wrong. If the image circle ends there, state "
-                    "fov_deg: {:.0f}",
-                    half_deg, radius_px, border_px, std::floor(model.fov_deg)));
+    implausible(fmt::format(
+        "distortion: the lens cannot be inverted beyond {:.1f}° from its axis ({:.0f} px), but "
+        "the image reaches {:.0f} px; the model or the order of the values is wrong. If the image circle "
+        "ends there, state fov_deg: {:.0f}",
+        half_deg, radius_px, border_px, std::floor(model.fov_deg)));
 }
 
 /// Unit mistakes: the whole image would show less than a few degrees.

@@ -169,7 +169,7 @@ const char* toString(LocalizationState state);
 /// Why a pose differs from what the poses before it and odometry predict.
 enum class PoseEvent : std::uint8_t {
   kNone = 0,
-  kRelocalized = 1,  ///< found again by a unique match
+  kRelocalized = 1,  ///< observations determine the pose again, mostly by a unique match
   kLoopClosed = 2,   ///< a return to a known place corrected the path
   kAbsolute = 3,     ///< an absolute measurement corrected it
   kCorrected = 4,    ///< any other correction beyond 3 σ

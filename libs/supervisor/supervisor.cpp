@@ -183,7 +183,6 @@ class Run {
     const bool refuses = member.starts == 1 && status.exited && status.value == member.spec.refusal_code;
     if (refuses || member.spec.restart == RestartPolicy::kNever) return fail(member, status.describe());
     member.restart_s = EventLoop::clock() + delay;
-    ++report_.restarts;
     appendToLog(member.spec,
                 fmt::format("-- {}: {}; restart in {:.2f} s", member.spec.name, status.describe(), delay));
     if (callbacks_.on_restart)
@@ -194,7 +193,12 @@ class Run {
     for (Member& member : members_) {
       if (stopping_ || member.restart_s > now_s) continue;
       const bool has_given_up = member.status.exited && member.spec.sink && sourcesEnded();
-      has_given_up ? endWithFailure(member) : start(member);
+      if (has_given_up) {
+        endWithFailure(member);
+      } else {
+        ++report_.restarts;
+        start(member);
+      }
     }
   }
 

@@ -5,6 +5,7 @@
 #include <signal.h>
 
 #include <fstream>
+#include <thread>
 
 #include "tests/multiprocess/live_fleet.h"
 #include "tests/multiprocess/two_machines.h"
@@ -35,13 +36,19 @@ class Machines : public testing::Test {
     machines_ = std::make_unique<TwoMachines>(TwoMachines::Link::kDirect);
   }
 
-  /// With a listener on one of the machines.
+  /// With a listener on one of the machines. pcA starts first and holds the offices.
   void launch(const std::string& name, int domain, const std::string& listen_on,
               const std::string& network = "network: {addresses: [10.77.0.0/24]}") {
     domain_ = domain;
     fleet_ = twoMachineFleet(name + "_fleet", network);
     out_ = freshDir(name);
-    for (const char* machine : {"pcA", "pcB"}) launchOn(machine);
+    launchOn("pcA");
+    const auto patience = steady_clock::now() + 30s;
+    while (!holdsOffices("pcA", "r1")) {
+      if (steady_clock::now() > patience) throw std::runtime_error("pcA does not take the offices");
+      std::this_thread::sleep_for(20ms);
+    }
+    launchOn("pcB");
     inside_ = machines_->enter(listen_on);
     listener_ = std::make_unique<Listener>(domain, listen_on == "pcA" ? "10.77.0.1" : "10.77.0.2");
   }
@@ -50,6 +57,11 @@ class Machines : public testing::Test {
         machines_->on(machine, {program("launch"), "run", fleet_, "--host", machine, "--out",
                                 out_ + "/" + machine, "--domain", std::to_string(domain_), "--realtime"}),
         out_ + "/" + machine + ".log");
+  }
+  bool holdsOffices(const std::string& machine, const std::string& robot) const {
+    const std::string logs = out_ + "/" + machine + "/log/";
+    return fileText(logs + "localizer.log").find("estimates from now on") != std::string::npos &&
+           fileText(logs + "global_merger_" + robot + ".log").find("publishes the map") != std::string::npos;
   }
   std::string output() const {
     return "pcA:\n" + launches_.at("pcA")->output() + "\npcB:\n" + launches_.at("pcB")->output();
