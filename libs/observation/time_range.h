@@ -19,8 +19,8 @@ struct TimeRange {
 std::string toString(const TimeRange& range);
 
 /// Why the times of two streams of one run do not meet, as a clause for a message: another unit (a factor of
-/// 1000), a time zone (whole or half hours), a clock that counts since the machine was started, or another
-/// clock.
+/// 1000; of two times since the start of a machine either may be the wrong one), a time zone (whole or half
+/// hours), a clock that counts since the machine was started, or another clock.
 /// @param name of the stream whose times are doubted
 std::string likelyCause(const std::string& name, const TimeRange& stream, const TimeRange& frames);
 

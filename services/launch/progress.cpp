@@ -99,8 +99,9 @@ class Listener {
     options.name = "omnifleet_launch";
     options.domain = listening.domain;
     listening.network.apply(options);
-    // On a busy machine the fleet must not consider this participant gone.
-    options.lease = std::chrono::seconds(30);
+    // On a busy machine the fleet must not consider this participant gone. Between hosts a link may be cut, and
+    // all leases must be equal (docs/methods/dds.md).
+    if (!listening.network.leavesHost()) options.lease = std::chrono::seconds(30);
     return options;
   }
 

@@ -52,9 +52,12 @@ class Listener {
     bus::DdsBusOptions o;
     o.name = "listener";
     o.domain = domain;
-    if (!address.empty()) o.interfaces = {address};
-    // On a busy machine the fleet must not consider this participant gone.
-    o.lease = std::chrono::seconds(30);
+    // On a busy machine the fleet must not consider this participant gone. Between hosts all leases must be
+    // equal (docs/methods/dds.md).
+    if (address.empty())
+      o.lease = std::chrono::seconds(30);
+    else
+      o.interfaces = {address};
     return o;
   }
   std::unique_ptr<bus::Bus> bus_;

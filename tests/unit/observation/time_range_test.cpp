@@ -33,6 +33,18 @@ TEST(LikelyCause, NamesUnit) {
               HasSubstr("the frames seem to be in micro"));
 }
 
+TEST(LikelyCause, NamesBothStreamsWhereEitherMayHaveTheWrongUnit) {
+  constexpr TimeNs kMicro = 1000;
+  const TimeRange since_start{40 * kNs, 100 * kNs}, a_thousand_times{40000 * kNs, 100000 * kNs};
+  EXPECT_THAT(cause(since_start, a_thousand_times),
+              HasSubstr("times of wheels seem to be in microseconds, not nanoseconds, or the frames are in "
+                        "nanoseconds under a header that says [us]"));
+  EXPECT_THAT(cause(a_thousand_times, since_start),
+              HasSubstr("or times of wheels are in nanoseconds under a header that says [us]"));
+  EXPECT_THAT(cause({kFrames.first_ns / kMicro, kFrames.last_ns / kMicro}), testing::Not(HasSubstr("header")))
+      << "a system time is in the right unit";
+}
+
 TEST(LikelyCause, NamesTimeZone) {
   EXPECT_THAT(cause({(1700000002 - 3600) * kNs, (1700000060 - 3600) * kNs}), HasSubstr("-1 h off"));
   EXPECT_THAT(cause({(1700000000 + 19800) * kNs, (1700000060 + 19800) * kNs}), HasSubstr("+5.5 h off"));
