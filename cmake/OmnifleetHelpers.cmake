@@ -15,6 +15,9 @@ if(OMNIFLEET_SANITIZE)
   target_compile_options(omnifleet_flags INTERFACE -fsanitize=${OMNIFLEET_SANITIZE} -fno-omit-frame-pointer
     -Wno-maybe-uninitialized)
   target_link_options(omnifleet_flags INTERFACE -fsanitize=${OMNIFLEET_SANITIZE})
+  # Under AddressSanitizer, Eigen aligns memory itself. The static library of Ceres was built without it and uses malloc;
+  # the linker takes Eigen's functions from either, so memory of the one was freed by the other.
+  target_compile_definitions(omnifleet_flags INTERFACE EIGEN_MALLOC_ALREADY_ALIGNED=1)
 endif()
 
 # omnifleet_run_once(sources…): sources that run once, as the parsing of a command line. They are compiled with -O1: with
