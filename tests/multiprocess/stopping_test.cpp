@@ -58,7 +58,7 @@ TEST(Stopping, TermAndHangupToAllProcessesSaveMap) {
   for (const pid_t pid : pids) kill(pid, SIGHUP);
   fleet.launch.signal(SIGHUP);
   EXPECT_EQ(fleet.launch.wait(20s), 0) << fleet.launch.output();
-  EXPECT_THAT(fleet.launch.output(), testing::Not(testing::HasSubstr("restart")));
+  EXPECT_THAT(fleet.launch.output(), testing::Not(testing::HasSubstr(", restart in")));
   EXPECT_TRUE(hasMap(fleet.out));
 }
 
