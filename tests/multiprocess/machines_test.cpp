@@ -5,7 +5,7 @@
 #include <signal.h>
 
 #include <fstream>
-#include <thread>
+#include <set>
 
 #include "tests/multiprocess/live_fleet.h"
 #include "tests/multiprocess/two_machines.h"
@@ -43,11 +43,7 @@ class Machines : public testing::Test {
     fleet_ = twoMachineFleet(name + "_fleet", network);
     out_ = freshDir(name);
     launchOn("pcA");
-    const auto patience = steady_clock::now() + 30s;
-    while (!holdsOffices("pcA", "r1")) {
-      if (steady_clock::now() > patience) throw std::runtime_error("pcA does not take the offices");
-      std::this_thread::sleep_for(20ms);
-    }
+    awaitOfficesOfA();
     launchOn("pcB");
     inside_ = machines_->enter(listen_on);
     listener_ = std::make_unique<Listener>(domain, listen_on == "pcA" ? "10.77.0.1" : "10.77.0.2");
@@ -58,10 +54,19 @@ class Machines : public testing::Test {
                                 out_ + "/" + machine, "--domain", std::to_string(domain_), "--realtime"}),
         out_ + "/" + machine + ".log");
   }
-  bool holdsOffices(const std::string& machine, const std::string& robot) const {
-    const std::string logs = out_ + "/" + machine + "/log/";
-    return fileText(logs + "localizer.log").find("estimates from now on") != std::string::npos &&
-           fileText(logs + "global_merger_" + robot + ".log").find("publishes the map") != std::string::npos;
+  /// Waits until pcA, alone, estimates and publishes the map.
+  void awaitOfficesOfA() const {
+    const auto inside = machines_->enter("pcA");
+    Listener listener(domain_, "10.77.0.1");
+    auto candidacies = listener.bus().reader(listener.topics().election);
+    std::set<std::string> held;
+    v1::Candidacy candidacy;
+    const auto both_held = [&] {
+      while (candidacies->take(candidacy))
+        if (candidacy.term() == 1) held.insert(candidacy.office().to_string());
+      return held.size() == 2;
+    };
+    if (!listener.until(both_held, 30s)) throw std::runtime_error("pcA does not take the offices");
   }
   std::string output() const {
     return "pcA:\n" + launches_.at("pcA")->output() + "\npcB:\n" + launches_.at("pcB")->output();

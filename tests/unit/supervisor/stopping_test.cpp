@@ -174,6 +174,7 @@ TEST_F(StopTest, SinkThatFailsShortlyBeforeTheSourcesEndIsNotRestarted) {
   EXPECT_EQ(report.exit_code(), 1);
   ASSERT_EQ(report.failures.size(), 1u);
   EXPECT_EQ(report.failures[0].name, "sink");
+  EXPECT_EQ(report.restarts, 0) << "announced, but not made";
   EXPECT_EQ(read(folder_ + "/starts"), "started\n");
 }
 
