@@ -17,7 +17,6 @@
 #include <optional>
 #include <system_error>
 
-#include "bus/dds_bus.h"
 #include "bus/topics.h"
 #include "launch/console.h"
 #include "launch/watch.h"
@@ -77,7 +76,7 @@ class Listener {
         host_(listening.host),
         terminal_(isatty(STDERR_FILENO) == 1),
         interval_(terminal_ ? 200 : 5000),
-        bus_(bus::makeDdsBus(options(listening))),
+        bus_(bus::makeDdsBus(listenerOptions(listening))),
         reader_(bus_->reader(topics_.service_status)),
         watch_(*bus_, topics_, expected(listening), listening.host, steady_clock::now()) {}
 
@@ -94,17 +93,6 @@ class Listener {
   }
 
  private:
-  static bus::DdsBusOptions options(const Listening& listening) {
-    bus::DdsBusOptions options;
-    options.name = "omnifleet_launch";
-    options.domain = listening.domain;
-    listening.network.apply(options);
-    // On a busy machine the fleet must not consider this participant gone. Between hosts a link may be cut, and
-    // all leases must be equal (docs/methods/dds.md).
-    if (!listening.network.leavesHost()) options.lease = std::chrono::seconds(30);
-    return options;
-  }
-
   /// The services of this host and the launchers of the other ones.
   static std::vector<std::string> expected(const Listening& listening) {
     std::vector<std::string> names = listening.services;
@@ -161,6 +149,15 @@ class Listener {
 };
 
 }  // namespace
+
+bus::DdsBusOptions listenerOptions(const Listening& listening) {
+  bus::DdsBusOptions options;
+  options.name = "omnifleet_launch";
+  options.domain = listening.domain;
+  listening.network.apply(options);
+  if (!listening.network.leavesHost()) options.lease = std::chrono::seconds(30);
+  return options;
+}
 
 Progress::Progress(const Listening& listening) {
   int ends[2] = {-1, -1};

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "bus/dds_bus.h"
 #include "bus/network.h"
 
 namespace omnifleet::launch {
@@ -26,6 +27,11 @@ struct Listening {
   std::vector<std::string> services;     ///< started on this host: "camera r1/fisheye", "world"
   ExpectedFrames expected;
 };
+
+/// The participant that listens. Within one host its lease is long: on a busy machine the fleet must not
+/// consider it gone. Between hosts a link may be cut, and its lease is that of the services
+/// (docs/methods/dds.md).
+bus::DdsBusOptions listenerOptions(const Listening& listening);
 
 /// Listens to service/status and prints to stderr (console.h): a progress line (rewritten in place on a
 /// terminal, every few seconds elsewhere), each error once, and services that become silent. Runs in its own

@@ -26,5 +26,21 @@ TEST(ProgressLine, ShowsElapsedTimeOfLiveFleet) {
   EXPECT_EQ(progressLine(50, {}, 10.0, false), "50 frames per robot, 5.0 frames/s, 10 s");
 }
 
+/// Otherwise it may stay deaf to a service after the link was cut (docs/methods/dds.md).
+TEST(ListenerOptions, LeaseBetweenHostsIsThatOfTheServices) {
+  for (const std::vector<std::string>& peers : {std::vector<std::string>{}, {"10.77.0.2"}}) {
+    Listening listening;
+    listening.network.addresses = {"10.77.0.1"};
+    listening.network.peers = peers;
+    bus::DdsBusOptions service;
+    listening.network.apply(service);
+    EXPECT_EQ(listenerOptions(listening).lease, service.lease) << peers.size() << " peers";
+  }
+}
+
+TEST(ListenerOptions, LeaseWithinOneHostOutlastsABusyMachine) {
+  EXPECT_GT(listenerOptions(Listening{}).lease, bus::DdsBusOptions{}.lease);
+}
+
 }  // namespace
 }  // namespace omnifleet::launch
