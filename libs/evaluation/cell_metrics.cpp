@@ -7,6 +7,8 @@
 #include <optional>
 #include <set>
 
+#include "evaluation/trajectory_metrics.h"
+
 namespace omnifleet::evaluation {
 
 namespace {
@@ -55,13 +57,18 @@ std::vector<Region> obstaclesInMap(const std::vector<dataset::MapObject>& object
   return made;
 }
 
-/// True if two segments have a common point. Parallel segments have none.
-bool segmentsMeet(const Face& a, const Face& b) {
+/// Where two segments meet, as a share of the first one. Parallel segments do not meet.
+std::optional<double> crossing(const Face& a, const Face& b) {
   const Vector2d along = a.to - a.from, other = b.to - b.from, between = b.from - a.from;
   const double area = crossProduct(along, other);
-  if (std::abs(area) < 1e-12) return false;
+  if (std::abs(area) < 1e-12) return std::nullopt;
   const double t = crossProduct(between, other) / area, u = crossProduct(between, along) / area;
-  return t >= 0.0 && t <= 1.0 && u >= 0.0 && u <= 1.0;
+  if (t < 0.0 || t > 1.0 || u < 0.0 || u > 1.0) return std::nullopt;
+  return t;
+}
+
+bool segmentsMeet(const Face& a, const Face& b) {
+  return crossing(a, b).has_value();
 }
 
 double pointToFace(const Vector2d& point, const Face& face) {
@@ -134,15 +141,36 @@ class Cells {
   const dataset::OccupancyGrid& grid_;
 };
 
+/// Another robot at the time of a view.
+struct Body {
+  Region region;
+  double height_m;
+};
+
 /// A robot's camera at one of its positions.
 struct View {
-  Pose2 pose;
-  double half_view_rad;
+  Pose2 base, camera;
+  double half_view_rad, height_m;
+  std::vector<Body> others;
 
-  bool shows(const Vector2d& point) const {
+  bool shows(const Vector2d& point) const { return isInView(point) && !isBehindRobot(point); }
+
+ private:
+  bool isInView(const Vector2d& point) const {
     if (half_view_rad >= M_PI) return true;
-    const Vector2d seen = pose.inverse() * point;
+    const Vector2d seen = camera.inverse() * point;
     return std::abs(std::atan2(seen.y(), seen.x())) <= half_view_rad;
+  }
+  /// The line of sight sinks from the camera to the floor at the point. A body hides the point if the line
+  /// leaves it below its top.
+  bool isBehindRobot(const Vector2d& point) const {
+    const Face line{camera.translation(), point};
+    return std::any_of(others.begin(), others.end(), [&](const Body& body) {
+      double leaves = -1.0;
+      for (const Face& face : body.region.faces)
+        leaves = std::max(leaves, crossing(line, face).value_or(-1.0));
+      return leaves >= 0.0 && height_m * (1.0 - leaves) < body.height_m;
+    });
   }
 };
 
@@ -157,7 +185,7 @@ class Sight {
   double seenWithin(const Vector2d& point, const Face& own) {
     double within_m = kInfinite;
     for (const View& view : views_) {
-      const Vector2d position = view.pose.translation();
+      const Vector2d position = view.camera.translation();
       const double distance_m = (position - point).norm() - kRounding_m;
       const double limit_m =
           distance_m <= CellMetrics::kSeen_m ? CellMetrics::kSeen_m : CellMetrics::kCrossed_m;
@@ -171,7 +199,7 @@ class Sight {
   }
   bool isSeenClose(const Vector2d& point, const Face& own) {
     return std::any_of(views_.begin(), views_.end(), [&](const View& view) {
-      const Vector2d position = view.pose.translation();
+      const Vector2d position = view.camera.translation();
       return (position - point).norm() <= CellMetrics::kClose_m && view.shows(point) &&
              !isBlocked(position, point, own);
     });
@@ -204,6 +232,20 @@ class Sight {
   const Face* last_ = nullptr;
 };
 
+/// The other robots whose body and height are known, at a time.
+std::vector<Body> bodiesAt(TimeNs time_ns, const std::map<std::string, TrueRobot>& robots,
+                           const std::string& viewer, const Pose2& map_from_truth) {
+  constexpr TimeNs kMostGap_ns = 1'000'000'000;
+  std::vector<Body> bodies;
+  for (const auto& [name, robot] : robots) {
+    Pose2 pose;
+    if (name == viewer || robot.body_m.size() < 3 || robot.body_height_m <= 0.0) continue;
+    if (!poseAt(robot.path, time_ns, kMostGap_ns, pose)) continue;
+    bodies.push_back({regionInMap(robot.body_m, map_from_truth * pose), robot.body_height_m});
+  }
+  return bodies;
+}
+
 /// Views of all robots with a camera, at least kPathStep_m or kTurnStep_rad apart along each path.
 std::vector<View> viewsInMap(const std::map<std::string, TrueRobot>& robots, const Pose2& map_from_truth) {
   std::vector<View> used;
@@ -213,13 +255,15 @@ std::vector<View> viewsInMap(const std::map<std::string, TrueRobot>& robots, con
     for (const dataset::StampedPose& pose : robot.path) {
       const Pose2 at = map_from_truth * pose.map_from_base;
       if (used.size() > first) {
-        const Pose2 way = used.back().pose.inverse() * at;
+        const Pose2 way = used.back().base.inverse() * at;
         const bool moved = way.translation().norm() >= CellMetrics::kPathStep_m - kRounding_m;
         const bool turned =
             robot.half_view_rad < M_PI && std::abs(way.theta_rad) >= CellMetrics::kTurnStep_rad;
         if (!moved && !turned) continue;
       }
-      used.push_back({at, robot.half_view_rad});
+      used.push_back({at, at * robot.base_from_camera, robot.half_view_rad, robot.camera_height_m, {}});
+      if (robot.camera_height_m > 0.0)
+        used.back().others = bodiesAt(pose.time_ns, robots, name, map_from_truth);
     }
   }
   return used;

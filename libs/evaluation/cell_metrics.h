@@ -61,12 +61,16 @@ struct CellMetrics {
 /// A robot of the truth.
 struct TrueRobot {
   std::vector<dataset::StampedPose> path;
-  double half_view_rad = M_PI;  ///< the camera sees bearings of base_link up to this; 0: no camera
-  Polygon body_m;               ///< base_link; empty: unknown
+  double half_view_rad = M_PI;   ///< the camera sees bearings of base_link up to this; 0: no camera
+  Polygon body_m;                ///< base_link; empty: unknown
+  double body_height_m = 0.0;    ///< over the floor; 0: unknown, hides nothing
+  Pose2 base_from_camera{};      ///< optical centre and axis of the camera, on the floor
+  double camera_height_m = 0.0;  ///< over the floor; 0: unknown, robots hide nothing from it
 };
 
-/// A robot has seen a face point if the line from one of its true positions crosses no other face. Walls
-/// occlude, robots do not.
+/// A robot has seen a face point if the line from one of its true camera positions crosses no other face and
+/// passes over the bodies of the other robots, where they were at that time, on its way to the foot of the
+/// face.
 /// @param grid in the frame of the run
 /// @param truth_from_map aligns the run with the truth
 /// @param found objects of the run, in the frame of the truth; outlines of kind "obstacle" are used

@@ -294,6 +294,12 @@ std::optional<evaluation::SolidMetrics> compareSpace(const fs::path& map,
   return metrics;
 }
 
+/// Optical centre of a camera and the heading of its optical axis, projected to the floor, in base_link.
+Pose2 cameraOnFloor(const lens::CameraModel& camera) {
+  const Eigen::Vector3d axis = camera.parentFromCamera().linear().col(2);
+  return {camera.position_m.x(), camera.position_m.y(), std::atan2(axis.y(), axis.x())};
+}
+
 /// The true robots: their paths, bodies and what their cameras see. What a robot in its own frame sees is not
 /// in the common map and counts as not seen.
 std::map<std::string, evaluation::TrueRobot> trueRobots(const dataset::Dataset& recording,
@@ -307,11 +313,18 @@ std::map<std::string, evaluation::TrueRobot> trueRobots(const dataset::Dataset& 
     if (!recorded) continue;
     if (recorded->body.radius_m > 0.0 || !recorded->body.footprint_m.empty())
       robot.body_m = recorded->body.outline();
+    robot.body_height_m = recorded->body.height_m;
+    if (recorded->fisheye) {
+      robot.base_from_camera = cameraOnFloor(recorded->fisheye->camera);
+      robot.camera_height_m = recorded->fisheye->camera.position_m.z();
+    }
     if (recorded->fisheye || !recorded->laser.empty() || !recorded->observations.empty()) continue;
     robot.half_view_rad = 0.0;
     if (!recorded->front) continue;
     const lens::CameraModel& camera = recorded->front->camera;
     robot.half_view_rad = std::atan(0.5 * camera.image_width_px / camera.focal_px.x());
+    robot.base_from_camera = cameraOnFloor(camera);
+    robot.camera_height_m = camera.position_m.z();
   }
   for (const auto& [name, row] : merge)
     if (row.isInItsOwnFrame() && all.count(name) > 0) all[name].half_view_rad = 0.0;

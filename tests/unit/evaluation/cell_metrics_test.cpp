@@ -228,6 +228,35 @@ TEST(CellMetrics, RestrictsForwardCamerasToTheirView) {
   EXPECT_EQ(seenFrom(M_PI / 2, 0.0), 0) << "no camera";
 }
 
+// A robot before the middle of the wall at y = 1.5 m, its body at |x| ≤ 0.1 m, y = 0.65 m to 0.85 m at time
+// 0. Its front edge shadows |x| < 1.5 m · 0.1 / 0.65 = 0.231 m. From a height of 8.5 cm the foot of the wall
+// is seen over its back edge if that is below 8.5 cm · (1 − 0.85 / 1.5) = 3.68 cm. At 4 cm it shadows |x| <
+// 0.1 m / (1 − 4 / 8.5) = 0.189 m.
+TEST(CellMetrics, HidesFeetOfFacesBehindOtherRobots) {
+  const auto hidden = [](double body_height_m, double camera_height_m, TimeNs leaves_ns) {
+    Paths robots;
+    robots["r1"] = {{{0, {0.0, 0.0, M_PI / 2}}}, M_PI / 4, {}, 0.0, {}, camera_height_m};
+    robots["r2"] = {{{-leaves_ns, {0.0, 0.75, 0.0}}, {-leaves_ns + 1'000'000, {0.0, -2.0, 0.0}}},
+                    0.0,
+                    box(-0.1, -0.1, 0.1, 0.1),
+                    body_height_m};
+    return 2 * 99 - compareCells(squareGrid(1, 0.0), {}, {}, {}, kWideRoom, robots).structure.seen;
+  };
+  EXPECT_EQ(hidden(0.2, 0.085, 0), 2 * 23);
+  EXPECT_EQ(hidden(0.03, 0.085, 0), 0);
+  EXPECT_EQ(hidden(0.04, 0.085, 0), 2 * 19);
+  EXPECT_EQ(hidden(0.2, 0.085, 1'000'000), 0) << "at the time of the view it stands behind the camera";
+  EXPECT_EQ(hidden(0.0, 0.085, 0), 0) << "a body of unknown height";
+  EXPECT_EQ(hidden(0.2, 0.0, 0), 0) << "a camera of unknown height";
+}
+
+// From 0.3 m ahead of base_link, a camera of 45° sees |x| < (1.5 m − 0.3 m) · tan 22.5° = 0.497 m.
+TEST(CellMetrics, LooksFromCameraNotFromBase) {
+  Paths robots;
+  robots["r1"] = {{{0, {0.0, 0.0, M_PI / 2}}}, M_PI / 8, {}, 0.0, {0.3, 0.0, 0.0}, 0.085};
+  EXPECT_EQ(compareCells(squareGrid(1, 0.0), {}, {}, {}, kWideRoom, robots).structure.seen, 2 * 50);
+}
+
 // The wall at y = 2.125 m crosses row 42; the cells of row 43 lie 2.5 cm beyond it. The robot 0.5 m before
 // the wall sees its middle 0.8 m to both sides from within 1 m: |x − 1.1| < √(1 − 0.525²) = 0.851 m.
 TEST(CellMetrics, SeparatesErrorsOfNearAndFarFaces) {
