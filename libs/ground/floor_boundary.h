@@ -2,8 +2,9 @@
 
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <vector>
+#include <optional>
 
+#include "ground/bearing_paths.h"
 #include "ground/floor_view.h"
 #include "lens/camera.h"
 #include "observation/boundary.h"
@@ -34,20 +35,21 @@ class FloorBoundary {
 
   /// @param image BGR8 or grey @param objects full resolution, 0 on floor
   /// @return valid until the next call
-  const Boundary& find(const cv::Mat& image, const cv::Mat1b& objects);
+  Boundary& find(const cv::Mat& image, const cv::Mat1b& objects);
+
+  struct Edge {
+    float inverse_m = 0.0f, sigma = 0.0f;  ///< 1/m, of the floor there, and its σ
+  };
+  /// The edge nearest to a step of a bearing; none where the contrast is too low or the edge is not near it.
+  std::optional<Edge> refine(std::size_t bearing, int step, const cv::Mat& image) const;
+
+  const BearingPaths& paths() const { return paths_; }
 
  private:
-  struct Path {
-    int begin = 0, count = 0;  ///< steps of about one pixel, from the own body outwards
-  };
-  int firstEnd(const Path& path, const cv::Mat1b& objects) const;
-  bool refine(const Path& path, int step, const cv::Mat& image, double& edge);
+  int firstEnd(const BearingPaths::Path& path, const cv::Mat1b& objects) const;
 
   BoundaryOptions options_;
-  std::vector<Path> paths_;
-  std::vector<cv::Point2f> pixel_;  ///< of each step
-  std::vector<cv::Point> nearest_;  ///< likewise, rounded
-  std::vector<float> inverse_;      ///< 1/m, of each step
+  BearingPaths paths_;
   Boundary boundary_;
 };
 

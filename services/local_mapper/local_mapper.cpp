@@ -21,6 +21,7 @@ Options Options::read(const options::Section& section) {
   o.silhouette = SilhouetteOptions::read(section.child("silhouette"));
   o.scan = ScanOptions::read(section.child("scan"));
   o.boundary = ground::BoundaryOptions::read(section.child("boundary"));
+  o.skirting = ground::SkirtingOptions::read(section.child("skirting"));
   o.flow = flow::FeatureFlowOptions::read(section.child("flow"));
   section.finish();
   return o;
@@ -51,6 +52,7 @@ struct LocalMapper::Stages {
         silhouette(correction, view, o.silhouette),
         scan(correction, view, o.scan),
         boundary(camera, view, o.boundary),
+        skirting(camera.height(), boundary, o.skirting),
         flow(correction, o.flow) {}
   Stages(const Stages&) = delete;  // the steps refer to camera and view
   Stages& operator=(const Stages&) = delete;
@@ -60,6 +62,7 @@ struct LocalMapper::Stages {
   void discard();
   OcclusionCheck::FrameContent content() const;
   void measureObjects(const cv::Mat& image);
+  void findBoundary(const cv::Mat& image);
   bool measureParts(const cv::Mat& image, const ground::Blob& blob);
   void measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour);
   ground::ContourFrame contourFrame(const cv::Mat& image, const cv::Mat1b& objects) const {
@@ -86,6 +89,7 @@ struct LocalMapper::Stages {
   Silhouette silhouette;
   FloorScan scan;
   ground::FloorBoundary boundary;
+  ground::Skirting skirting;
   flow::FeatureFlow flow;
 
   const std::vector<ground::Blob>* labelled = nullptr;
@@ -177,7 +181,7 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
     s.discard();
     return s.map;
   }
-  s.map.boundary = s.boundary.find(frame.image, s.segmenter.objects());
+  s.findBoundary(frame.image);
   s.flow.track(s.object_blobs, s.blob_of_object, wheels, s.map.objects);  // eq. 2–7 and the filter of §III.5
   if (s.options.silhouette.outline == "features") {
     for (ObjectObservation& object : s.map.objects) s.silhouette.measureFeatures(object);
@@ -264,6 +268,22 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
     for (const ground::Blob& face : segmenter.faces()) scan.addUndecided(face, FloorScan::Candidate::kRegion);
   }
   scan.finish(map.scan);
+}
+
+/// The boundary of the floor. In a room it ends at the foot of skirting boards, and so does the scan.
+void LocalMapper::Stages::findBoundary(const cv::Mat& image) {
+  map.boundary = boundary.find(image, segmenter.objects());
+  if (!has_walls) return;
+  const std::vector<std::uint8_t>& moved = skirting.apply(image, map.boundary);
+  for (std::size_t ray = 0; ray < map.scan.range_m.size(); ++ray) {
+    const std::size_t beam = ray * moved.size() / map.scan.range_m.size();
+    if (moved[beam] == 0) continue;
+    const float inverse = map.boundary.inverse_m[beam], range_m = 1.0f / inverse;
+    if (map.scan.range_m[ray] <= range_m) continue;
+    map.scan.range_m[ray] = range_m;
+    map.scan.sigma_m[ray] = map.boundary.sigma[beam] * range_m * range_m;
+    if (map.scan.label[ray] == RayLabel::kFloorEnd) map.scan.label[ray] = RayLabel::kObstacle;
+  }
 }
 
 void LocalMapper::Stages::addUndecided(const std::vector<ground::Blob>& regions,

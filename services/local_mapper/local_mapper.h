@@ -11,6 +11,7 @@
 #include "ground/ground_segmenter.h"
 #include "ground/notch_splitter.h"
 #include "ground/region_connection.h"
+#include "ground/skirting.h"
 #include "ground/wall_finder.h"
 #include "lens/camera.h"
 #include "lens/correction.h"
@@ -39,6 +40,7 @@ struct Options {
   SilhouetteOptions silhouette;          ///< `silhouette`: outline, support function, which blobs are objects
   ScanOptions scan;                      ///< `scan`
   ground::BoundaryOptions boundary;      ///< `boundary`: where the floor ends, for localization
+  ground::SkirtingOptions skirting;      ///< `skirting`: boards along walls that look like floor
   flow::FeatureFlowOptions flow;         ///< `flow`: §III.3 and the filter of §III.5
   static Options read(const options::Section& section);
 };

@@ -1,0 +1,231 @@
+// Skirting boards in a rectangular room, rendered through the lens model. The floor ends at the foot of the
+// walls, in closed form; the mask ends it at the upper edge of the boards, as the segmentation does where
+// they look like floor.
+#include "ground/skirting.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+
+#include "ground/floor_view.h"
+#include "tests/unit/ground/synthetic_floor.h"
+
+namespace omnifleet::ground {
+namespace {
+
+constexpr double kCamera_m = 0.5, kBoard_m = 0.08;
+
+/// What the floor and the lower part of the walls look like.
+struct Boards {
+  cv::Vec3f floor{150.0f, 160.0f, 170.0f}, board{158.0f, 160.0f, 165.0f}, wall{70.0f, 60.0f, 90.0f};
+  std::array<double, 4> distance_m{1.2, 1.7, 1.0, 2.0};
+  double height_m = kBoard_m;  ///< of the boards; 0: none
+  double strip_m = 0.0;        ///< width of a strip of the board's colour on the floor along the walls
+  double door_from = 9.0, door_to = 9.0;  ///< bearings, radians: no board in between
+  bool round = false;                     ///< one wall around the camera, at the first distance
+};
+
+class SkirtedRoom {
+ public:
+  explicit SkirtedRoom(const Boards& boards)
+      : boards_(boards), camera_(model()), view_(camera_, ViewOptions{}), floor_(camera_, view_, {}) {
+    render();
+  }
+
+  /// Skirting over some frames of one place with new noise. @return the last boundary
+  Boundary run(Skirting& skirting, int frames = 5) {
+    Boundary boundary;
+    for (int i = 0; i < frames; ++i) {
+      const cv::Mat3b image = frame();
+      boundary = floor_.find(image, mask_);
+      moved_ = skirting.apply(image, boundary);
+    }
+    return boundary;
+  }
+  Skirting skirting() const { return Skirting(kCamera_m, floor_, {}); }
+
+  double bearing(std::size_t i) const { return 2.0 * M_PI * static_cast<double>(i) / 720.0; }
+  double range(std::size_t i) const { return 1.0 / depth({std::cos(bearing(i)), std::sin(bearing(i))}); }
+  bool isDoor(double bearing) const { return bearing > boards_.door_from && bearing < boards_.door_to; }
+  const std::vector<std::uint8_t>& moved() const { return moved_; }
+  int movedCount() const { return static_cast<int>(std::count(moved_.begin(), moved_.end(), 1)); }
+
+ private:
+  static lens::CameraModel model() {
+    lens::CameraModel model = testing::fisheye();
+    model.position_m = {0.0, 0.0, kCamera_m};
+    return model;
+  }
+  double depth(const Eigen::Vector2d& p) const {
+    if (boards_.round) return p.norm() / boards_.distance_m[0];
+    double most = 0.0;
+    for (int k = 0; k < 4; ++k) {
+      const double a = 0.2 + 0.5 * M_PI * k;
+      most = std::max(most, p.dot(Eigen::Vector2d(std::cos(a), std::sin(a))) /
+                                boards_.distance_m[static_cast<std::size_t>(k)]);
+    }
+    return most;
+  }
+  /// Colour at a point of the image, and whether the mask covers it.
+  std::pair<cv::Vec3f, bool> at(const Eigen::Vector2d& pixel) const {
+    const auto floor = camera_.floorFromPixel(pixel);
+    if (!floor) return {boards_.wall, true};
+    const double depth = this->depth(*floor);
+    if (depth <= 1.0) {
+      const double to_wall_m = (1.0 / depth - 1.0) * floor->norm();
+      return {to_wall_m < boards_.strip_m ? boards_.board : boards_.floor, false};
+    }
+    const double height_m = kCamera_m * (1.0 - 1.0 / depth);
+    double bearing = std::atan2(floor->y(), floor->x());
+    if (bearing < 0.0) bearing += 2.0 * M_PI;
+    if (height_m >= boards_.height_m || isDoor(bearing)) return {boards_.wall, true};
+    return {boards_.board, false};
+  }
+  /// Each pixel is the mean of 3 × 3 samples of its area.
+  void render() {
+    clean_.create(camera_.model().image_height_px, camera_.model().image_width_px);
+    mask_.create(clean_.size());
+    for (int y = 0; y < clean_.rows; ++y) {
+      for (int x = 0; x < clean_.cols; ++x) {
+        const auto [colour, covered] = at({static_cast<double>(x), static_cast<double>(y)});
+        cv::Vec3f sum = colour * (1.0f / 9.0f);
+        for (int k = 0; k < 9; ++k)
+          if (k != 4) sum += at({x + (k % 3 - 1) / 3.0, y + (k / 3 - 1) / 3.0}).first * (1.0f / 9.0f);
+        clean_(y, x) = sum;
+        mask_(y, x) = covered ? 255 : 0;
+      }
+    }
+  }
+  /// With new texture: σ of 2 grey levels, equal in all channels.
+  cv::Mat3b frame() {
+    cv::Mat3b image(clean_.size());
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        const auto texture = static_cast<float>(random_.gaussian(2.0));
+        for (int c = 0; c < 3; ++c)
+          image(y, x)[c] = cv::saturate_cast<std::uint8_t>(clean_(y, x)[c] + texture);
+      }
+    }
+    return image;
+  }
+
+  Boards boards_;
+  lens::Camera camera_;
+  FloorView view_;
+  FloorBoundary floor_;
+  cv::Mat3f clean_;
+  cv::Mat1b mask_;
+  cv::RNG random_{7};
+  std::vector<std::uint8_t> moved_;
+};
+
+/// Share of the bearings that `counts` and whose range is right to 4 %; upper edges are 19 % too far.
+double shareRight(
+    const SkirtedRoom& room, const Boundary& boundary,
+    const std::function<bool(double)>& counts = [](double) { return true; }) {
+  int right = 0, all = 0;
+  for (std::size_t i = 0; i < boundary.inverse_m.size(); ++i) {
+    if (!counts(room.bearing(i)) || boundary.inverse_m[i] <= 0.0f) continue;
+    ++all;
+    right += std::abs(1.0 / boundary.inverse_m[i] / room.range(i) - 1.0) < 0.04 ? 1 : 0;
+  }
+  return all > 0 ? static_cast<double>(right) / all : 0.0;
+}
+
+TEST(Skirting, FindsFootAndHeightOfFaintBoards) {
+  SkirtedRoom room{Boards{}};
+  Skirting skirting = room.skirting();
+  const Boundary boundary = room.run(skirting);
+  EXPECT_NEAR(skirting.height_m(), kBoard_m, 0.004);
+  EXPECT_GE(shareRight(room, boundary), 0.95);
+}
+
+// Before a dark board the upper edge is located less precisely, so the height is. The feet are edges by
+// themselves.
+TEST(Skirting, FindsBoardsAsDarkAsShadow) {
+  Boards boards;
+  boards.board = 0.7f * boards.floor;
+  SkirtedRoom room(boards);
+  Skirting skirting = room.skirting();
+  const Boundary boundary = room.run(skirting);
+  EXPECT_NEAR(skirting.height_m(), kBoard_m, 0.008);
+  EXPECT_GE(shareRight(room, boundary), 0.95);
+}
+
+// σ of the feet covers their errors: normalized squares have a mean of 1 or less.
+TEST(Skirting, StatesSigmaThatCoversTheError) {
+  SkirtedRoom room{Boards{}};
+  Skirting skirting = room.skirting();
+  const Boundary boundary = room.run(skirting);
+  double sum = 0.0;
+  int n = 0;
+  for (std::size_t i = 0; i < boundary.inverse_m.size(); ++i) {
+    if (boundary.inverse_m[i] <= 0.0f) continue;
+    sum += std::pow((boundary.inverse_m[i] - 1.0 / room.range(i)) / boundary.sigma[i], 2);
+    ++n;
+  }
+  EXPECT_LT(sum / n, 1.5);
+}
+
+TEST(Skirting, LeavesDoorsWithoutBoards) {
+  Boards boards;
+  boards.door_from = 1.2;
+  boards.door_to = 1.9;
+  SkirtedRoom room(boards);
+  Skirting skirting = room.skirting();
+  const Boundary boundary = room.run(skirting);
+  const auto inDoor = [](double bearing) { return bearing > 1.3 && bearing < 1.8; };
+  EXPECT_GE(shareRight(room, boundary, inDoor), 0.95);
+  EXPECT_GE(shareRight(room, boundary, [&](double b) { return b < 1.1 || b > 2.0; }), 0.95);
+}
+
+TEST(Skirting, ChangesNothingWithoutBoards) {
+  Boards boards;
+  boards.height_m = 0.0;
+  SkirtedRoom room(boards);
+  Skirting skirting = room.skirting();
+  EXPECT_GE(shareRight(room, room.run(skirting)), 0.98);
+  EXPECT_EQ(skirting.height_m(), 0.0);
+  EXPECT_EQ(room.movedCount(), 0);
+}
+
+TEST(Skirting, TakesStripOfOneWidthForFloor) {
+  Boards boards;
+  boards.height_m = 0.0;
+  boards.strip_m = 0.15;
+  boards.board = 0.7f * boards.floor;
+  SkirtedRoom room(boards);
+  Skirting skirting = room.skirting();
+  room.run(skirting);
+  EXPECT_EQ(room.movedCount(), 0);
+}
+
+// At one distance a board and a strip look alike.
+TEST(Skirting, ChangesNothingWhereAllWallsAreEquallyFar) {
+  Boards boards;
+  boards.round = true;
+  SkirtedRoom room(boards);
+  Skirting skirting = room.skirting();
+  room.run(skirting);
+  EXPECT_EQ(room.movedCount(), 0);
+}
+
+TEST(Skirting, CanBeSwitchedOff) {
+  SkirtedRoom room{Boards{}};
+  SkirtingOptions options;
+  options.use = false;
+  const auto [image, mask] = std::pair{cv::Mat3b(), cv::Mat1b()};
+  FloorBoundary floor(lens::Camera(testing::fisheye()), FloorView(lens::Camera(testing::fisheye()), {}), {});
+  Skirting skirting(kCamera_m, floor, options);
+  Boundary boundary;
+  boundary.inverse_m.assign(720, 0.5f);
+  boundary.sigma.assign(720, 0.01f);
+  const auto& moved = skirting.apply(image, boundary);
+  EXPECT_EQ(std::count(moved.begin(), moved.end(), 1), 0);
+}
+
+}  // namespace
+}  // namespace omnifleet::ground
