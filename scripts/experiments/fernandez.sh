@@ -4,7 +4,9 @@
 # before exceeds a threshold, out of 600. Sweeps k1, k2 and the step over both with the topological map as printed and
 # with that of omnifleet, without and with wheels. Replays both sets: as printed (config/papers/fernandez.yaml), without
 # wheels, and as they are. Prints the rows of a seed as it finishes, then the table paper / literal / omnifleet / odometry,
-# and draws Figs. 4-11 of the first seed. Finished steps are not repeated: after Ctrl-C the same command continues.
+# and draws Figs. 4-11 of the first seed. One more figure, compass_over_distance.png (.csv: its numbers), shows the error of
+# the visual compass and the difference of the signatures over the true distance of two images (§III.B: under 0.8 m).
+# Finished steps are not repeated: after Ctrl-C the same command continues.
 # Remove OUT/seed_*/set*/{literal,no_wheels,omnifleet,study.json} to run again on the same recordings.
 # usage: scripts/experiments/fernandez.sh [--seeds A-B] [--out DIR] [--quick] [--jobs N]
 #        defaults: --seeds 1000-1009, --out out/fernandez_experiment, --jobs 1 (each seed uses all cores); --quick: only the

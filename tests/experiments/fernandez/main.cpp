@@ -1,5 +1,6 @@
 // The study of Fernández et al. 2011, §V. `pick` makes set 2, `study` sweeps k1, k2 and the step over one
-// set, `rows` prints the figures of a seed, `report` the table of all seeds, `figures` draws Figs. 4 to 11.
+// set, `rows` prints the figures of a seed, `report` the table of all seeds, `figures` draws Figs. 4 to 11
+// and the error of the compass over the distance.
 // scripts/experiments/fernandez.sh makes recordings and runs.
 
 #include <CLI/CLI.hpp>
@@ -9,6 +10,7 @@
 #include "dataset/atomic_file.h"
 #include "options/options.h"
 #include "options/range_check.h"
+#include "tests/experiments/fernandez/compass_range.h"
 #include "tests/experiments/fernandez/figures.h"
 #include "tests/experiments/fernandez/pick.h"
 #include "tests/experiments/fernandez/result.h"
@@ -40,6 +42,21 @@ void printReport(const std::string& out, std::uint32_t first, std::uint32_t last
   omnifleet::dataset::writeAtomic(out + "/table.txt", text + all);
 }
 
+/// §III.B: error of the visual compass and difference of the signatures over the true distance, pairs of both
+/// sets together.
+void drawDistances(const std::vector<std::string>& recordings, const std::string& name) {
+  const RangeOptions options;
+  std::vector<ComparedPair> pairs;
+  for (const std::string& recording : recordings) {
+    const ImageSet set = ImageSet::load(recording);
+    const std::vector<ComparedPair> of_set = comparePairs(set, choosePairs(set, options));
+    pairs.insert(pairs.end(), of_set.begin(), of_set.end());
+  }
+  const std::vector<DistanceBin> bins = binned(pairs, options);
+  drawCompassRange(bins, name + ".png");
+  omnifleet::dataset::writeAtomic(name + ".csv", toCsv(bins));
+}
+
 /// Of the first seed that is finished.
 void drawFigures(const std::string& out, std::uint32_t first, std::uint32_t last) {
   const std::string folder = out + "/figures/";
@@ -47,9 +64,10 @@ void drawFigures(const std::string& out, std::uint32_t first, std::uint32_t last
   for (std::uint32_t seed = first; seed <= last; ++seed) {
     const SeedFigures figures = SeedFigures::load(out, seed);
     if (!figures.sets.at(1).study || !figures.sets.at(2).study) continue;
+    std::vector<std::string> recordings;
     for (const auto& [set, of_set] : figures.sets) {
-      const std::string recording =
-          out + "/seed_" + std::to_string(seed) + "/set" + std::to_string(set) + "/recording";
+      const std::string& recording = recordings.emplace_back(out + "/seed_" + std::to_string(seed) + "/set" +
+                                                             std::to_string(set) + "/recording");
       const auto name = [&](int of_first, const char* what) {
         return folder + "fig" + std::to_string(of_first + set - 1) + "_" + what + ".png";
       };
@@ -59,6 +77,7 @@ void drawFigures(const std::string& out, std::uint32_t first, std::uint32_t last
       drawShape(*of_set.study, "omnifleet", set, name(8, "shape_omnifleet"));
       drawTime(*of_set.study, set, name(10, "time"));
     }
+    drawDistances(recordings, folder + "compass_over_distance");
     return;
   }
   throw std::runtime_error(out + ": no seed is finished");

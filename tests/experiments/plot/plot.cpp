@@ -90,14 +90,21 @@ Plot::Plot(const Axes& axes, cv::Size size)
 }
 
 Eigen::Vector2d Plot::pixel(const Eigen::Vector2d& at) const {
-  const Eigen::Vector2d share = (at - axes_.low).cwiseQuotient(axes_.high - axes_.low);
+  Eigen::Vector2d share = (at - axes_.low).cwiseQuotient(axes_.high - axes_.low);
+  if (axes_.log_y)
+    share.y() =
+        std::log(std::max(at.y(), axes_.low.y()) / axes_.low.y()) / std::log(axes_.high.y() / axes_.low.y());
   // Limited, because the pixel coordinates are converted to integers.
   const Eigen::Vector2d bounded = share.cwiseMax(-20.0).cwiseMin(20.0);
   return {frame_.x + bounded.x() * frame_.width, frame_.y + (1.0 - bounded.y()) * frame_.height};
 }
 
 cv::Point Plot::fine(const Eigen::Vector2d& at) const {
-  const Eigen::Vector2d p = pixel(at) - Eigen::Vector2d(frame_.x, frame_.y);
+  return fineOf(pixel(at));
+}
+
+cv::Point Plot::fineOf(const Eigen::Vector2d& pixel) const {
+  const Eigen::Vector2d p = pixel - Eigen::Vector2d(frame_.x, frame_.y);
   return {cvRound(p.x() * (1 << kShift)), cvRound(p.y() * (1 << kShift))};
 }
 
@@ -108,24 +115,37 @@ void Plot::remember(const std::string& name, const cv::Scalar& colour, int kind)
   if (!known) legend_.push_back({name, colour, kind});
 }
 
+std::vector<Plot::Tick> Plot::ticks(int axis) const {
+  const double low = axes_.low[axis], high = axes_.high[axis];
+  std::vector<Tick> ticks;
+  if (axis == 1 && axes_.log_y) {
+    for (double power = std::pow(10.0, std::floor(std::log10(low))); power <= high; power *= 10.0)
+      for (const double factor : {1.0, 2.0, 5.0})
+        if (const double v = factor * power; v >= low * (1.0 - 1e-9) && v <= high * (1.0 + 1e-9))
+          ticks.push_back({v, number(v, power)});
+    return ticks;
+  }
+  const double step = tickStep(high - low, axis == 0 ? frame_.width / 90.0 : frame_.height / 50.0);
+  for (double v = std::ceil(low / step - 1e-9) * step; v <= high + 1e-9 * step; v += step)
+    ticks.push_back({v, number(v, step)});
+  return ticks;
+}
+
 void Plot::drawGrid() {
   for (int axis = 0; axis < 2; ++axis) {
-    const double low = axes_.low[axis], high = axes_.high[axis];
-    const double step = tickStep(high - low, axis == 0 ? frame_.width / 90.0 : frame_.height / 50.0);
-    for (double v = std::ceil(low / step - 1e-9) * step; v <= high + 1e-9 * step; v += step) {
+    for (const Tick& tick : ticks(axis)) {
       Eigen::Vector2d at = axes_.low;
-      at[axis] = v;
+      at[axis] = tick.value;
       const Eigen::Vector2d p = pixel(at);
-      const std::string text = number(v, step);
-      const cv::Size box = sizeOf(text, 0.45);
+      const cv::Size box = sizeOf(tick.text, 0.45);
       if (axis == 0) {
         const int x = cvRound(p.x());
         cv::line(image_, {x, frame_.y}, {x, frame_.br().y}, ink::kFaint, 1);
-        write(image_, text, {x - box.width / 2, frame_.br().y + 20}, 0.45, ink::kBlack);
+        write(image_, tick.text, {x - box.width / 2, frame_.br().y + 20}, 0.45, ink::kBlack);
       } else {
         const int y = cvRound(p.y());
         cv::line(image_, {frame_.x, y}, {frame_.br().x, y}, ink::kFaint, 1);
-        write(image_, text, {frame_.x - box.width - 8, y + box.height / 2}, 0.45, ink::kBlack);
+        write(image_, tick.text, {frame_.x - box.width - 8, y + box.height / 2}, 0.45, ink::kBlack);
       }
     }
   }
@@ -148,10 +168,7 @@ void Plot::line(const std::vector<Eigen::Vector2d>& points, const Line& line) {
     for (double s = 0.0; s < length;) {
       const double phase = std::fmod(walked + s, 2.0 * kDash_px);
       const double step = std::min(length - s, (phase < kDash_px ? kDash_px : 2.0 * kDash_px) - phase + 1e-6);
-      const auto at = [&](double along) {
-        const Eigen::Vector2d p = points[i] + (points[(i + 1) % n] - points[i]) * (along / length);
-        return fine(p);
-      };
+      const auto at = [&](double along) { return fineOf(a + (b - a) * (along / length)); };
       if (phase < kDash_px)
         cv::line(inside, at(s), at(s + step), line.colour, line.width, cv::LINE_AA, kShift);
       s += step;

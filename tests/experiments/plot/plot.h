@@ -24,6 +24,7 @@ struct Axes {
   std::string title, x_label, y_label;
   Eigen::Vector2d low{0.0, 0.0}, high{1.0, 1.0};
   bool equal = false;  ///< equal scale on both axes; the limits are widened to fill the frame
+  bool log_y = false;  ///< logarithmic y axis; low.y() > 0, smaller values are drawn there; not with equal
 };
 
 struct Line {
@@ -58,8 +59,14 @@ class Plot {
 
  private:
   cv::Point fine(const Eigen::Vector2d& at) const;
+  cv::Point fineOf(const Eigen::Vector2d& pixel) const;
   Eigen::Vector2d pixel(const Eigen::Vector2d& at) const;
   void remember(const std::string& name, const cv::Scalar& colour, int kind);
+  struct Tick {
+    double value;
+    std::string text;
+  };
+  std::vector<Tick> ticks(int axis) const;
   void drawGrid();
   void drawLegend();
 
