@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -13,6 +14,7 @@
 #include "dataset/trajectory_files.h"
 #include "evaluation/shape.h"
 #include "fleet_in_process/in_process.h"
+#include "tests/experiments/fernandez/compass_range.h"
 #include "tests/experiments/fernandez/pick.h"
 #include "tests/experiments/fernandez/result.h"
 #include "tests/raycast/room_recording.h"
@@ -143,6 +145,107 @@ TEST(FernandezPick, TakesImagesByDifferenceUntilTheNumberIsMet) {
   for (std::size_t i = 1; i < set.images.size(); ++i)
     EXPECT_GT(appearance::difference(set.images[i - 1].pooled, set.images[i].pooled),
               picked.threshold - 1e-6);
+}
+
+ComparedPair pairAt(double distance_m, double error_deg, double confidence) {
+  ComparedPair pair;
+  pair.distance_m = distance_m;
+  pair.omnifleet_error_rad = error_deg * M_PI / 180.0;
+  pair.images_error_rad = 2.0 * pair.omnifleet_error_rad;
+  pair.literal_error_rad = 10.0 * pair.omnifleet_error_rad;
+  pair.confidence = confidence;
+  pair.literal_difference = 0.1 * error_deg;
+  pair.omnifleet_difference = 0.05 * error_deg;
+  return pair;
+}
+
+TEST(FernandezCompassRange, BinsHoldQuantilesOfTheirOwnPairs) {
+  std::vector<ComparedPair> pairs;
+  // Errors of 11, 10, …, 1° at 0.3 to 0.4 m: median 6, 90 % at 10, 10 % at 2. Of these 1 and 2 are below 3°.
+  for (int k = 11; k >= 1; --k) pairs.push_back(pairAt(0.3 + 0.009 * (11 - k), k, k <= 3 ? 0.95 : 0.2));
+  pairs.push_back(pairAt(0.2999, 50.0, 0.05));
+  pairs.push_back(pairAt(0.4, 70.0, 0.1));
+  pairs.push_back(pairAt(1.0, 90.0, 0.99));  // beyond the last bin
+  RangeOptions options;
+  options.most_m = 1.0;
+  const std::vector<DistanceBin> bins = binned(pairs, options);
+  ASSERT_EQ(bins.size(), 10U);
+  const DistanceBin& bin = bins[3];
+  constexpr double kRounding = 1e-9;
+  EXPECT_NEAR(bin.from_m, 0.3, kRounding);
+  EXPECT_NEAR(bin.to_m, 0.4, kRounding);
+  EXPECT_EQ(bin.pairs, 11);
+  EXPECT_EQ(bin.omnifleet_right, 2);
+  EXPECT_EQ(bin.literal_right, 0);  // 10° and more
+  EXPECT_EQ(bin.usable, 11);
+  EXPECT_EQ(bin.usable_right, 2);
+  EXPECT_EQ(bin.sure, 3);
+  EXPECT_EQ(bin.sure_right, 2);
+  EXPECT_NEAR(bin.omnifleet_deg.low, 2.0, kRounding);
+  EXPECT_NEAR(bin.omnifleet_deg.median, 6.0, kRounding);
+  EXPECT_NEAR(bin.omnifleet_deg.high, 10.0, kRounding);
+  EXPECT_NEAR(bin.images_deg.median, 12.0, kRounding);
+  EXPECT_NEAR(bin.literal_deg.high, 100.0, kRounding);
+  EXPECT_NEAR(bin.sure_deg.median, 2.0, kRounding);
+  EXPECT_NEAR(bin.sure_deg.high, 2.8, kRounding);  // between 2 and 3
+  EXPECT_NEAR(bin.literal_difference.low, 0.2, kRounding);
+  EXPECT_NEAR(bin.omnifleet_difference.high, 0.5, kRounding);
+  EXPECT_EQ(bins[2].pairs, 1);
+  EXPECT_EQ(bins[2].usable, 0);
+  EXPECT_NEAR(bins[2].omnifleet_deg.median, 50.0, kRounding);
+  EXPECT_EQ(bins[4].usable, 1);
+  EXPECT_NEAR(bins[4].omnifleet_deg.median, 70.0, kRounding);
+  EXPECT_EQ(bins[9].pairs, 0);
+  EXPECT_TRUE(std::isnan(bins[9].omnifleet_deg.median));
+  EXPECT_THAT(toCsv(bins),
+              HasSubstr("\n0.30,0.40,11,0,2,11,2,3,2,60.000,100.000,12.000,20.000,6.000,10.000,2.000,2.800,"
+                        "0.2000,0.6000,1.0000,0.1000,0.3000,0.5000\n"));
+}
+
+TEST(FernandezCompassRange, DistancesOnAnEdgeBelongToTheUpperBin) {
+  for (std::size_t k = 0; k < 30; ++k) {
+    EXPECT_EQ(binOf(0.1 * static_cast<double>(k), 0.1), k);
+    EXPECT_EQ(binOf(0.1 * static_cast<double>(k) + 0.0999, 0.1), k);
+  }
+}
+
+TEST(FernandezCompassRange, ChoosesEqualPairsWithinTheBoundsForEqualSeeds) {
+  RangeOptions options;
+  options.most_m = 0.6;
+  options.most_pairs = 20;
+  const std::vector<ImagePair> pairs = choosePairs(images(), options);
+  EXPECT_EQ(pairs, choosePairs(images(), options));
+  std::vector<int> of_bin(6, 0);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    ASSERT_LT(pairs[i].first, pairs[i].second);
+    EXPECT_FALSE(i > 0 && pairs[i] == pairs[i - 1]);  // sorted, so equal pairs are neighbours
+    const auto at = [&](std::size_t k) { return images().images[k].truth.translation(); };
+    const double distance_m = (at(pairs[i].second) - at(pairs[i].first)).norm();
+    ASSERT_LT(distance_m, 0.6);
+    ++of_bin[binOf(distance_m, 0.1)];
+  }
+  EXPECT_LE(*std::max_element(of_bin.begin(), of_bin.end()), 20);
+  EXPECT_EQ(of_bin[1], 20);  // 47 pairs of successive images are 10 cm apart
+  options.seed = 2;
+  EXPECT_FALSE(pairs == choosePairs(images(), options));
+}
+
+TEST(FernandezCompassRange, ErrorsAndDifferencesGrowWithTheDistance) {
+  RangeOptions options;
+  options.most_m = 0.9;
+  const std::vector<DistanceBin> bins =
+      binned(comparePairs(images(), choosePairs(images(), options)), options);
+  const DistanceBin &near = bins[1], &far = bins[8];
+  ASSERT_GE(near.pairs, 40);
+  ASSERT_GE(far.pairs, 20);
+  EXPECT_LT(near.omnifleet_deg.median, 0.25);  // as docs/results.md asks per step
+  EXPECT_LT(near.omnifleet_deg.median, near.literal_deg.median);
+  EXPECT_LT(near.omnifleet_deg.median, far.omnifleet_deg.median);
+  EXPECT_LT(near.omnifleet_difference.median, far.omnifleet_difference.median);
+  EXPECT_LT(near.literal_difference.median, far.literal_difference.median);
+  const std::string path = fs::path(recording()).parent_path() / "range.png";
+  drawCompassRange(bins, path);
+  EXPECT_GT(fs::file_size(path), 10'000U);
 }
 
 TEST(FernandezReport, GivesMedianAndWorstOfEachMethod) {
