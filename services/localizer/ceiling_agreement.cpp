@@ -25,6 +25,7 @@ AgreementOptions AgreementOptions::read(const options::Section& section) {
   section.read("calibration_sigma_m", o.calibration_sigma_m, options::kNotNegative);
   section.read("calibration_sigma_rad", o.calibration_sigma_rad, options::kNotNegative);
   section.read("gate_chi2", o.gate_chi2, options::kPositive);
+  section.read("moved_times", o.moved_times, {1, 1000});
   section.finish();
   return o;
 }
@@ -51,8 +52,9 @@ bool CeilingAgreement::agree(Measurement& now, const Measurement& other) {
   const Eigen::Matrix3d calibration = Eigen::Vector3d(2.0 * m2, 2.0 * m2, 2.0 * rad2).asDiagonal();
   const bool differ = off.dot((measured + calibration).ldlt().solve(off)) > options_.gate_chi2;
   const auto& [first, second] = std::minmax(now.source, other.source);
-  report(pairKey(first, second, now.to), differ,
-         camerasDisagree(first, second, now.to, off.head<2>().norm(), std::abs(off.z())));
+  report(
+      pairKey(first, second, now.to), differ,
+      camerasDisagree(first, second, now.to, off.head<2>().norm(), std::abs(off.z()), options_.moved_times));
   if (differ) return false;
   const double share = off.dot(measured.ldlt().solve(off)) / 3.0;
   if (share > 1.0) now.covariance *= share;
@@ -79,21 +81,98 @@ void CeilingAgreement::compare(std::size_t index) {
     if (apart_s > options_.pair_s) {
       if (isPaired(index, source)) continue;  // it is compared with that one
       const bool is_faulty = faulty_.count(pairKey(first, second, original.to)) > 0;
-      if (is_faulty && apart_s <= options_.hold_s) now.is_good = false;
+      if (is_faulty && apart_s <= options_.hold_s && isContradicted(original.source, source))
+        now.is_good = false;
       continue;
     }
     const bool do_agree = agree(now.measurement, other);
-    if (!do_agree) now.is_good = false;
+    Pair& pair = pairs_[first][second];
+    count(pair, std::max(original.acquired_ns, other.acquired_ns), do_agree);
+    if (!do_agree && isContradicted(original.source, source)) now.is_good = false;
+    if (do_agree && pair.is_moved) now.is_confirmed = true;
     for (std::size_t i = 0; i < index; ++i) {  // the other one is of this call, too
       Kept& before = kept_[i];
       if (before.measurement.to != original.to || before.measurement.source != source) continue;
-      if (do_agree)
+      if (do_agree) {
         agree(before.measurement, original);
-      else
+        before.is_confirmed = before.is_confirmed || pair.is_moved;
+      } else if (isContradicted(source, original.source)) {
         before.is_good = false;
+      }
     }
   }
   latest_[original.to][original.source] = original;
+}
+
+/// All comparisons of one time are one piece of evidence, in whatever order they come.
+void CeilingAgreement::count(Pair& pair, TimeNs time_ns, bool do_agree) const {
+  if (time_ns != pair.time_ns) {
+    pair.time_ns = time_ns;
+    pair.was_moved = pair.is_moved;
+    pair.agreeing_before = pair.agreeing;
+    pair.differing_before = pair.differing;
+    pair.has_agreed = false;
+  }
+  pair.has_agreed = pair.has_agreed || do_agree;
+  const int most = options_.moved_times;
+  pair.agreeing = pair.has_agreed ? std::min(most, pair.agreeing_before + 1) : 0;
+  pair.differing = pair.has_agreed ? 0 : std::min(most, pair.differing_before + 1);
+  if (pair.differing == 1 && !pair.was_moved) pair.since_ns = time_ns;
+  pair.is_moved = pair.differing == most || (pair.was_moved && pair.agreeing < most);
+}
+
+const CeilingAgreement::Pair* CeilingAgreement::find(const std::string& one, const std::string& other) const {
+  const auto& [first, second] = std::minmax(one, other);
+  const auto row = pairs_.find(first);
+  if (row == pairs_.end()) return nullptr;
+  const auto pair = row->second.find(second);
+  return pair == row->second.end() ? nullptr : &pair->second;
+}
+
+/// How many cameras other than `except` agree with `camera`, at `moved_times` times in a row, and since then.
+int CeilingAgreement::confirmations(const std::string& camera, const std::string& except,
+                                    TimeNs since_ns) const {
+  int n = 0;
+  for (const auto& [other, suspicion] : suspects_) {
+    if (other == camera || other == except) continue;
+    const Pair* pair = find(camera, other);
+    n += pair != nullptr && pair->agreeing == options_.moved_times && pair->time_ns >= since_ns ? 1 : 0;
+  }
+  return n;
+}
+
+void CeilingAgreement::findSuspects() {
+  for (const auto& [first, row] : pairs_) {
+    suspects_[first] = Suspicion::kNone;
+    for (const auto& [second, pair] : row) suspects_[second] = Suspicion::kNone;
+  }
+  for (const bool is_decided : {true, false}) {
+    for (const auto& [first, row] : pairs_) {
+      for (const auto& [second, pair] : row) {
+        if (!pair.is_moved) continue;
+        const int more =
+            confirmations(first, second, pair.since_ns) - confirmations(second, first, pair.since_ns);
+        Suspicion &of_first = suspects_[first], &of_second = suspects_[second];
+        if (is_decided && more != 0) {
+          (more > 0 ? of_second : of_first) = Suspicion::kAlone;
+        } else if (!is_decided && more == 0 && of_first != Suspicion::kAlone &&
+                   of_second != Suspicion::kAlone) {
+          of_first = of_second = Suspicion::kOneOfTwo;
+        }
+      }
+    }
+  }
+}
+
+bool CeilingAgreement::isSuspect(const std::string& camera) const {
+  const auto suspect = suspects_.find(camera);
+  return suspect != suspects_.end() && suspect->second != Suspicion::kNone;
+}
+
+/// Whether a difference speaks against `camera`. Not if `by` alone was moved.
+bool CeilingAgreement::isContradicted(const std::string& camera, const std::string& by) const {
+  const Pair* pair = find(camera, by);
+  return pair == nullptr || !pair->is_moved || isSuspect(camera) || !isSuspect(by);
 }
 
 void CeilingAgreement::report(const std::string& key, bool is_faulty, const Message& message) {
@@ -117,8 +196,9 @@ void CeilingAgreement::check(TimeNs newest_ns, std::vector<const Measurement*>& 
     }
   }
   for (std::size_t i = 0; i < kept_.size(); ++i) compare(i);
+  findSuspects();
   for (const Kept& kept : kept_) {
-    if (kept.is_good)
+    if (kept.is_good && (kept.is_confirmed || !isSuspect(kept.measurement.source)))
       passed.push_back(&kept.measurement);
     else
       ++rejected_;

@@ -44,13 +44,16 @@ inline Message measurementTooOld(const std::string& source, const std::string& r
                   "machine",
                   source, robot, age_s)};
 }
+/// @param times so often in a row they differ until the pair counts as moved
 inline Message camerasDisagree(const std::string& first, const std::string& second, const std::string& robot,
-                               double off_m, double off_rad) {
+                               double off_m, double off_rad, int times) {
   return {
       ErrorCode::kCamerasDisagree,
-      fmt::format("{} and {}: their poses of {} differ by {:.1f} cm and {:.1f} degrees; both are rejected. "
-                  "Measure position_m and rotation_rpy_deg of both cameras again",
-                  first, second, robot, 100.0 * off_m, off_rad * 180.0 / M_PI)};
+      fmt::format("{} and {}: their poses of {} differ by {:.1f} cm and {:.1f} degrees; both poses are "
+                  "rejected. If they differ at {} times in a row, no pose of either camera is used, of any "
+                  "robot, until they agree at {} times in a row. Measure position_m and rotation_rpy_deg of "
+                  "both cameras again",
+                  first, second, robot, 100.0 * off_m, off_rad * 180.0 / M_PI, times, times)};
 }
 /// @param decided the track of the robot says which of the markers is its own
 inline Message markersAmbiguous(const std::string& camera, const std::string& robot, bool decided) {
