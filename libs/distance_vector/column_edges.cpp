@@ -22,6 +22,10 @@ constexpr int kLeastLength_px = 10;    // of a profile
 constexpr float kColourNoise = 1.5f;   // noise of one channel ÷ noise of luma
 constexpr float kTextureGain =
     1.3f;  // texture is similar in neighbouring rows: their mean varies more than noise
+// An edge is smooth if a cubic explains the values around it (χ², 10 dof, 99.9 %) and two lines do not
+// explain them better: they have as many coefficients, and the edge's place, so by ln 14 for the BIC of 14
+// values.
+constexpr float kSmooth = 29.6f, kSharp = 2.6f;
 constexpr float kLuma[3] = {0.114f, 0.587f, 0.299f};
 
 float luma(const std::uint8_t* p) {
@@ -91,6 +95,7 @@ FloorLine fitFloor(const Profile& profile, float edge, float slope_share) {
 /// darker: the floor takes its light.
 struct FaceLine {
   float level = 0.0f, slope = 0.0f;  ///< grey levels, and per pixel
+  float squares = 0.0f;              ///< of the residuals
   float variance = 1.0f;             ///< of the level, in units of the variance of a value
   int n = 0;
 };
@@ -98,7 +103,7 @@ struct FaceLine {
 /// @param slope_share 1/px: σ of the slope before the fit, share of the level's contrast
 template <class Profile>
 FaceLine fitFace(const Profile& profile, float edge, float slope_share) {
-  float n = 0, sx = 0, sxx = 0, sy = 0, sxy = 0;
+  float n = 0, sx = 0, sxx = 0, sy = 0, sxy = 0, syy = 0;
   const int from = static_cast<int>(std::ceil(edge + kPlateau_px)),
             to = std::min(profile.end - 1, static_cast<int>(std::floor(edge + kPlateauEnd_px)));
   for (int i = from; i <= to; ++i) {
@@ -108,16 +113,65 @@ FaceLine fitFace(const Profile& profile, float edge, float slope_share) {
     sxx += x * x;
     sy += y;
     sxy += x * y;
+    syy += y * y;
   }
   FaceLine line;
   line.n = static_cast<int>(n);
   if (line.n < 2) return line;
   const float prior = std::max(1.0f, std::abs(sy / n)) * slope_share;
-  const float information = sxx - sx * sx / n + kProfileNoise * kProfileNoise / (prior * prior);
-  line.slope = (sxy - sx * sy / n) / information;
+  const float xx = sxx - sx * sx / n, xy = sxy - sx * sy / n, yy = syy - sy * sy / n;
+  const float information = xx + kProfileNoise * kProfileNoise / (prior * prior);
+  line.slope = xy / information;
   line.variance = 1.0f / n + sx * sx / (n * n) / information;
   line.level = (sy - line.slope * sx) / n;
+  line.squares = std::max(0.0f, yy - 2.0f * line.slope * xy + line.slope * line.slope * xx);
   return line;
+}
+
+/// Squares of the residuals if there is no edge: one cubic through the values of both lines, by orthogonal
+/// polynomials (Forsythe 1957).
+template <class Profile>
+float smoothSquares(const Profile& profile, float edge) {
+  constexpr int kDegree = 3;
+  struct Sample {
+    float x, y, p, before;
+  };
+  std::array<Sample, kLength> samples;
+  std::size_t n = 0;
+  const auto add = [&](int from, int to) {
+    for (int i = from; i <= to; ++i)
+      samples[n++] = {(static_cast<float>(i) - edge) / kFloorEnd_px,
+                      profile.value[static_cast<std::size_t>(i)], 1.0f, 0.0f};
+  };
+  add(std::max(profile.first, static_cast<int>(std::ceil(edge - kFloorEnd_px))),
+      static_cast<int>(std::floor(edge - kFloor_px)));
+  add(static_cast<int>(std::ceil(edge + kPlateau_px)),
+      std::min(profile.end - 1, static_cast<int>(std::floor(edge + kPlateauEnd_px))));
+  float norm_before = 1.0f, squares = 0.0f;
+  for (int k = 0; k <= kDegree; ++k) {
+    float norm = 0.0f, along = 0.0f, middle = 0.0f;
+    for (std::size_t i = 0; i < n; ++i) {
+      const Sample& s = samples[i];
+      norm += s.p * s.p;
+      along += s.p * s.y;
+      middle += s.x * s.p * s.p;
+    }
+    if (!(norm > 1e-9f)) return 0.0f;  // no more samples than coefficients
+    along /= norm;
+    middle /= norm;
+    const float back = k > 0 ? norm / norm_before : 0.0f;
+    squares = 0.0f;
+    for (std::size_t i = 0; i < n; ++i) {
+      Sample& s = samples[i];
+      s.y -= along * s.p;
+      squares += s.y * s.y;
+      const float next = (s.x - middle) * s.p - back * s.before;
+      s.before = s.p;
+      s.p = next;
+    }
+    norm_before = norm;
+  }
+  return squares;
 }
 
 /// The nearest clear step of the profile around `expected`.
@@ -152,10 +206,11 @@ std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, in
     return std::nullopt;
   const float begun = edge;
   FloorLine line;
+  FaceLine face;
   for (int round = 0; round < kRounds; ++round) {
     line = fitFloor(profile, edge, static_cast<float>(options_.falloff_per_m));
     const float edge_m = profile.rangeAt(edge);
-    const FaceLine face = fitFace(profile, edge, static_cast<float>(options_.shading_per_px));
+    face = fitFace(profile, edge, static_cast<float>(options_.shading_per_px));
     if (line.n < kLeastFloor_px || face.n < 2) return std::nullopt;
     contrast = face.level - line.level;
     face_variance = face.variance;
@@ -177,10 +232,14 @@ std::optional<ColumnEdges::Edge> ColumnEdges::measure(const Profile& profile, in
                          (kNoiseSamples + std::max(0.0f, static_cast<float>(line.n) - 1.5f));
   const float least = std::max(least_contrast, static_cast<float>(options_.min_sigmas) * std::sqrt(variance));
   if (std::abs(contrast) < least) return std::nullopt;
+  const float smooth = smoothSquares(profile, edge);
+  const bool is_smooth =
+      smooth < kSmooth * noise * noise && smooth - line.squares - face.squares < kSharp * variance;
   // The area over 2·kWindow_px values; half of it moves with the floor's level, half with the object's.
   const float gain = 2.0f * kWindow_px + kWindow_px * kWindow_px * (line.variance + face_variance);
   const float random = kTextureGain * std::sqrt(gain * variance) / std::abs(contrast);
-  return Edge{static_cast<float>(row + kReach_px) - edge, std::sqrt(random * random + fixed_px * fixed_px)};
+  return Edge{static_cast<float>(row + kReach_px) - edge, std::sqrt(random * random + fixed_px * fixed_px),
+              is_smooth};
 }
 
 ColumnEdges::Pair ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, int u, int row, bool weak,

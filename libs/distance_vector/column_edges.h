@@ -24,6 +24,7 @@ class ColumnEdges {
   struct Edge {
     float row;       ///< pixels; the object is above it (smaller rows)
     float sigma_px;  ///< from the contrast, the pixel noise and the deviation of the floor from its line
+    bool is_smooth = false;  ///< a colour that drifts explains the values around it as well
   };
   struct Pair {
     std::optional<Edge> luma, hue;

@@ -12,7 +12,8 @@ namespace omnifleet::distance_vector {
 namespace {
 
 constexpr double kLeastShare = 0.03;  // of the columns that see floor: with fewer edges nothing is usable
-constexpr double kMostThrough = 3.0;  // columns that continue above the horizon per column with an end
+// Columns that continue above the horizon, or end without an edge, per column with an end, or with an edge.
+constexpr double kMostThrough = 3.0;
 constexpr float kWholePixelSigma_px = 0.4f;  // σ of a boundary in whole pixels, threshold included
 
 }  // namespace
@@ -47,19 +48,19 @@ void DistanceVector::process(const cv::Mat& bgr) {
     throw std::invalid_argument("distance vector: the image must be BGR, 8 bits, of the camera's size");
   smoothed_.compute(bgr);
   std::fill(edge_rows_.begin(), edge_rows_.end(), std::numeric_limits<float>::quiet_NaN());
-  if (!findFloor()) {
+  if (!findFloor(bgr)) {
     for (ColumnEnd& end : ends_) end = ColumnEnd{End::kUndecided, 0, view_.size().height};
     sampler_.clear(options_.method == Method::kLiteral ? Eigen::Vector2d(0, 0) : foot_m_, view_.blindM());
   } else if (options_.method == Method::kLiteral) {
     scaleLiterally();
   } else {
-    project(bgr);
+    project();
   }
   drawMask();
 }
 
 /// Tries the candidates for the floor's colour. Sets ends_ and fault_.
-bool DistanceVector::findFloor() {
+bool DistanceVector::findFloor(const cv::Mat& bgr) {
   fault_ = Fault::kNone;
   const bool knows_floor = colour_.hasMemory();
   bool other_floor = false;
@@ -67,8 +68,10 @@ bool DistanceVector::findFloor() {
     ends_ = walk_.walk(smoothed_, sample);
     const bool is_known = knows_floor && sample.remembered;
     if (!is_known && !isPlausible(ends_)) continue;
-    splitColumns(sample, is_known ? colour_.knownDirection() : sample.direction);
+    splitColumns(sample, is_known);
     if (!isPlausible(ends_)) continue;
+    // The literal method has whole pixels, without edges.
+    if (options_.method == Method::kProjected && !measureEdges(bgr)) continue;
     // Something of another colour fills the bottom of the image: an object, unless it stays.
     if (knows_floor && !sample.remembered) {
       other_floor = true;
@@ -84,8 +87,8 @@ bool DistanceVector::findFloor() {
 }
 
 /// Looks for the foot of what continues above the horizon.
-void DistanceVector::splitColumns(const FloorSample& sample, const cv::Vec3f& known) {
-  split_.begin(sample, known);
+void DistanceVector::splitColumns(const FloorSample& sample, bool is_known) {
+  split_.begin(sample, is_known ? std::optional<cv::Vec3f>(colour_.knownDirection()) : std::nullopt);
   for (int u = 0; u < view_.size().width; ++u) {
     ColumnEnd& end = ends_[static_cast<std::size_t>(u)];
     const bool beyond_horizon = end.end == End::kUndecided && end.floor >= view_.size().height;
@@ -111,6 +114,28 @@ bool DistanceVector::isPlausible(const std::vector<ColumnEnd>& ends) const {
   return ending > 0 && ending >= kLeastShare * seeing && through <= kMostThrough * ending;
 }
 
+/// Sets pairs_. Whether what ends the floor has an edge in the image: without one in most columns the colour
+/// only drifts, like that of the sky. Floor up to the farthest row has an edge there, unless the image ends
+/// before.
+bool DistanceVector::measureEdges(const cv::Mat& bgr) {
+  const int height = view_.size().height;
+  const float noise = edges_.noise(bgr, height - static_cast<int>(options_.walk.seed_rows * height), height);
+  int seeing = 0, sharp = 0, smooth = 0;
+  for (int u = 0; u < view_.size().width; ++u) {
+    const auto i = static_cast<std::size_t>(u);
+    const ColumnEnd& end = ends_[i];
+    seeing += end.end != End::kOutside ? 1 : 0;
+    pairs_[i] = {};
+    if (end.end != End::kEdge && end.end != End::kFloorEnd) continue;
+    const ColumnEdges::Pair pair = edges_.find(bgr, view_, u, end.row, end.weak, noise);
+    if (end.end == End::kEdge) pairs_[i] = pair;
+    const bool is_sharp = (pair.luma && !pair.luma->is_smooth) || (pair.hue && !pair.hue->is_smooth) ||
+                          (end.end == End::kFloorEnd && !view_.seesHorizon(u));
+    ++(is_sharp ? sharp : smooth);
+  }
+  return sharp > 0 && sharp >= kLeastShare * seeing && smooth <= kMostThrough * sharp;
+}
+
 void DistanceVector::drawMask() {
   for (std::size_t u = 0; u < ends_.size(); ++u) {
     const End end = ends_[u].end;
@@ -124,14 +149,7 @@ void DistanceVector::drawMask() {
   }
 }
 
-void DistanceVector::project(const cv::Mat& bgr) {
-  const int height = view_.size().height;
-  const float noise = edges_.noise(bgr, height - static_cast<int>(options_.walk.seed_rows * height), height);
-  for (int u = 0; u < view_.size().width; ++u) {
-    const ColumnEnd& end = ends_[static_cast<std::size_t>(u)];
-    pairs_[static_cast<std::size_t>(u)] =
-        end.end == End::kEdge ? edges_.find(bgr, view_, u, end.row, end.weak, noise) : ColumnEdges::Pair{};
-  }
+void DistanceVector::project() {
   const std::vector<EdgeFusion::Edge>& edges = weak_edges_.smooth(ends_, fusion_.fuse(pairs_));
   for (int u = 0; u < view_.size().width; ++u) {
     const auto i = static_cast<std::size_t>(u);

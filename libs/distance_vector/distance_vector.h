@@ -29,8 +29,10 @@ class DistanceVector {
  public:
   enum class Fault {
     kNone,
-    kNoFloor,  ///< what the bottom of the image shows reaches above the horizon, or ends nowhere
-    kTooNear   ///< the floor known from earlier frames is hidden
+    /// What the bottom of the image shows reaches above the horizon, or ends nowhere, or drifts to another
+    /// colour without an edge (sky).
+    kNoFloor,
+    kTooNear  ///< the floor known from earlier frames is hidden
   };
 
   /// Throws options::Error if the camera does not look at the floor or the scale file is unusable.
@@ -62,11 +64,12 @@ class DistanceVector {
   };
   static Scale makeScale(const LiteralOptions& options);
 
-  bool findFloor();
-  void splitColumns(const FloorSample& sample, const cv::Vec3f& known);
+  bool findFloor(const cv::Mat& bgr);
+  bool measureEdges(const cv::Mat& bgr);
+  void splitColumns(const FloorSample& sample, bool is_known);
   bool isPlausible(const std::vector<ColumnEnd>& ends) const;
   void drawMask();
-  void project(const cv::Mat& bgr);
+  void project();
   void scaleLiterally();
 
   Options options_;

@@ -26,30 +26,52 @@ FloorSplit::Chroma FloorSplit::chroma(const cv::Vec3f& colour, float level) cons
   return {scale * colour.dot(first_axis_), scale * colour.dot(second_axis_)};
 }
 
-void FloorSplit::begin(const FloorSample& floor, const cv::Vec3f& known) {
+void FloorSplit::begin(const FloorSample& floor, const std::optional<cv::Vec3f>& known) {
+  is_known_ = known.has_value();
   direction_ = floor.direction;
   const cv::Vec3f blue(1.0f, 0.0f, 0.0f);
   first_axis_ = blue - direction_ * direction_[0];
   first_axis_ *= static_cast<float>(1.0 / std::max(1e-6, cv::norm(first_axis_)));
   second_axis_ = direction_.cross(first_axis_);
   level_ = floor.level;
-  known_ = chroma(known, level_);
+  known_ = chroma(known.value_or(direction_), level_);
   least_ = static_cast<float>(options_.sigmas) * floor.across;
 }
 
 void FloorSplit::readColumn(const SmoothedImage& image, int u, int top) {
   const int bottom = image.size().height - 1;
-  squares_ = row_first_ = row_second_ = 0.0f;
+  const float rows = static_cast<float>(bottom - top + 1), middle = 0.5f * (rows + 1.0f), half = 0.5f * rows;
+  squares_ = 0.0f;
+  moments_ = {};
   Chroma sum;
   for (int v = bottom, n = 1; v >= top; --v, ++n) {
     const Chroma c = chroma(image.colour(u, v), level_);
     sum.first += c.first;
     sum.second += c.second;
     squares_ += square(c.first) + square(c.second);
-    row_first_ += static_cast<float>(n) * c.first;
-    row_second_ += static_cast<float>(n) * c.second;
     sums_[static_cast<std::size_t>(n)] = sum;
+    float power = 1.0f;
+    for (Chroma& moment : moments_) {
+      power *= (static_cast<float>(n) - middle) / half;
+      moment.first += power * c.first;
+      moment.second += power * c.second;
+    }
   }
+}
+
+/// By how much a line or a cubic in the row lowers the sum of squares: discrete orthogonal polynomials of
+/// degree 1 to 3 (Gram; Abramowitz and Stegun 22.17), rows scaled to ±1.
+float FloorSplit::driftGain(float rows, const Chroma& all) const {
+  const float n2 = rows * rows, h2 = 0.25f * n2;
+  const float mean2 = (n2 - 1.0f) / 12.0f / h2, slope3 = (3.0f * n2 - 7.0f) / 20.0f / h2;
+  const float norm1 = rows * mean2, norm2 = rows * (n2 - 1.0f) * (n2 - 4.0f) / 180.0f / (h2 * h2),
+              norm3 = rows * (n2 - 1.0f) * (n2 - 4.0f) * (n2 - 9.0f) / 2800.0f / (h2 * h2 * h2);
+  const auto gain = [&](float sum, float m1, float m2, float m3) {
+    const float line = square(m1) / norm1;
+    return is_known_ ? line : line + square(m2 - mean2 * sum) / norm2 + square(m3 - slope3 * m1) / norm3;
+  };
+  return gain(all.first, moments_[0].first, moments_[1].first, moments_[2].first) +
+         gain(all.second, moments_[0].second, moments_[1].second, moments_[2].second);
 }
 
 std::optional<int> FloorSplit::find(const SmoothedImage& image, int u) {
@@ -73,9 +95,7 @@ std::optional<int> FloorSplit::find(const SmoothedImage& image, int u) {
   }
   if (split == 0) return std::nullopt;
   const float total = squares_ - (square(all.first) + square(all.second)) / n;
-  const float middle = 0.5f * (n + 1.0f), spread = n * (n * n - 1.0f) / 12.0f;
-  const float drift =
-      (square(row_first_ - middle * all.first) + square(row_second_ - middle * all.second)) / spread;
+  const float drift = driftGain(n, all);
   const float variance = std::max(total - gain, 1e-6f) / (2.0f * (n - 2.0f));
   const auto sigmas = static_cast<float>(options_.sigmas);
   if ((gain - drift) * kIndependent < square(sigmas) * variance) return std::nullopt;

@@ -4,6 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <optional>
+
 #include "distance_vector/column_view.h"
 #include "tests/unit/distance_vector/ray_caster.h"
 
@@ -26,12 +29,12 @@ class FloorSplitTest : public testing::Test {
     smoothed.compute(bgr);
     return smoothed;
   }
-  std::optional<int> find(const SmoothedImage& smoothed, const cv::Vec3f& known) {
+  std::optional<int> find(const SmoothedImage& smoothed, const std::optional<cv::Vec3f>& known) {
     FloorSample floor;
     floor.direction = cv::normalize(floor_);
     floor.level = static_cast<float>(cv::norm(floor_));
     floor.across = 0.7f;
-    split_.begin(floor, cv::normalize(known));
+    split_.begin(floor, known ? std::optional<cv::Vec3f>(cv::normalize(*known)) : std::nullopt);
     return split_.find(smoothed, kColumn);
   }
   std::optional<int> find(const SmoothedImage& smoothed) { return find(smoothed, floor_); }
@@ -63,6 +66,22 @@ TEST_F(FloorSplitTest, FindsNothingInAStepOfBrightness) {
 
 TEST_F(FloorSplitTest, FindsNothingInAColourThatDriftsEvenly) {
   EXPECT_FALSE(find(image([&](int v) { return mixed(floor_, wall_, (240.0 - v) / 180.0); })));
+}
+
+// Sky: it brightens towards the horizon, in a curve. Nothing is known of a floor.
+TEST_F(FloorSplitTest, FindsNothingInACurvedDriftIfNoFloorIsKnown) {
+  for (const double power : {1.5, 2.0, 3.0}) {
+    const auto seen =
+        image([&](int v) { return mixed(floor_, wall_, 2.0 * std::pow((240.0 - v) / 240.0, power)); });
+    EXPECT_FALSE(find(seen, std::nullopt)) << power;
+  }
+}
+
+TEST_F(FloorSplitTest, FindsAStepAlsoIfNoFloorIsKnown) {
+  const auto row =
+      find(image([&](int v) { return mixed(floor_, wall_, v <= kFoot ? 1.0 : 0.0); }), std::nullopt);
+  ASSERT_TRUE(row);
+  EXPECT_NEAR(*row, kFoot, 2);
 }
 
 // A robot at a wall with a painted base: what the bottom of the image shows is not the floor.
