@@ -34,6 +34,7 @@ SkirtingOptions SkirtingOptions::read(const options::Section& section) {
   section.read("most_spread_m", o.most_spread_m, options::kPositive);
   section.read("least_beams", o.least_beams, options::kNotNegative);
   section.read("correlated_px", o.correlated_px, {1.0, 1000.0});
+  section.read("least_frames", o.least_frames, {1, 1000});
   section.read("memory_frames", o.memory_frames, {1.0, 1000.0});
   section.finish();
   return o;
@@ -218,6 +219,7 @@ bool Skirting::decide() {
   for (const Sum& other : widths_) width = std::max(width, evidenceOf(other));
   const double off_m = heightAt(bestHeight(frame_)) - heightAt(index);
   variance_m2_ += (off_m * off_m - variance_m2_) / std::min<double>(frames_, options_.memory_frames);
+  if (frames_ < options_.least_frames) return false;
   const double evidence = evidenceOf(sum), lead = evidence - width;
   if (lead < least || lead < options_.least_lead * evidence ||
       std::sqrt(variance_m2_) > options_.most_spread_m)

@@ -23,6 +23,7 @@ struct SkirtingOptions {
   double least_beams = 2.0;
   double sigma_px = 2.0;        ///< pixels: σ of a foot that the beams beside it and the height determine
   double correlated_px = 10.0;  ///< pixels of the beams, about, that show the same piece of texture
+  int least_frames = 5;         ///< number of frames from which the spread of their heights counts
   double memory_frames = 50.0;  ///< number of frames over which the evidence is averaged
   static SkirtingOptions read(const options::Section& section);
 };

@@ -36,7 +36,7 @@ class SkirtedRoom {
   }
 
   /// Skirting over some frames of one place with new noise. @return the last boundary
-  Boundary run(Skirting& skirting, int frames = 5) {
+  Boundary run(Skirting& skirting, int frames = 6) {
     Boundary boundary;
     for (int i = 0; i < frames; ++i) {
       const cv::Mat3b image = frame();
@@ -210,6 +210,14 @@ TEST(Skirting, ChangesNothingWhereAllWallsAreEquallyFar) {
   SkirtedRoom room(boards);
   Skirting skirting = room.skirting();
   room.run(skirting);
+  EXPECT_EQ(room.movedCount(), 0);
+}
+
+// The first frames tell nothing of how their heights scatter.
+TEST(Skirting, ChangesNothingInFewFrames) {
+  SkirtedRoom room{Boards{}};
+  Skirting skirting = room.skirting();
+  room.run(skirting, 4);
   EXPECT_EQ(room.movedCount(), 0);
 }
 
