@@ -12,7 +12,7 @@
 namespace omnifleet::ground {
 
 struct SkirtingOptions {
-  bool use = true;
+  bool use = false;  ///< in rooms of other people's recordings it still sees boards where there are none
   /// m: heights of skirting boards that are searched for; those on sale have 4 to 12 cm
   double min_height_m = 0.03, max_height_m = 0.15;
   /// nats: evidence for one height of all boards, against texture and against a strip of one width

@@ -45,7 +45,13 @@ class SkirtedRoom {
     }
     return boundary;
   }
-  Skirting skirting() const { return Skirting(kCamera_m, floor_, {}); }
+  Skirting skirting() const {
+    SkirtingOptions options;
+    options.use = true;
+    return {kCamera_m, floor_, options};
+  }
+
+  Skirting unused() const { return {kCamera_m, floor_, {}}; }
 
   double bearing(std::size_t i) const { return 2.0 * M_PI * static_cast<double>(i) / 720.0; }
   double range(std::size_t i) const { return 1.0 / depth({std::cos(bearing(i)), std::sin(bearing(i))}); }
@@ -221,18 +227,12 @@ TEST(Skirting, ChangesNothingInFewFrames) {
   EXPECT_EQ(room.movedCount(), 0);
 }
 
-TEST(Skirting, CanBeSwitchedOff) {
+TEST(Skirting, IsOffUnlessSwitchedOn) {
   SkirtedRoom room{Boards{}};
-  SkirtingOptions options;
-  options.use = false;
-  const auto [image, mask] = std::pair{cv::Mat3b(), cv::Mat1b()};
-  FloorBoundary floor(lens::Camera(testing::fisheye()), FloorView(lens::Camera(testing::fisheye()), {}), {});
-  Skirting skirting(kCamera_m, floor, options);
-  Boundary boundary;
-  boundary.inverse_m.assign(720, 0.5f);
-  boundary.sigma.assign(720, 0.01f);
-  const auto& moved = skirting.apply(image, boundary);
-  EXPECT_EQ(std::count(moved.begin(), moved.end(), 1), 0);
+  Skirting skirting = room.unused();
+  room.run(skirting);
+  EXPECT_EQ(skirting.height_m(), 0.0);
+  EXPECT_EQ(room.movedCount(), 0);
 }
 
 }  // namespace
