@@ -61,7 +61,7 @@ struct CellMetrics {
 /// A robot of the truth.
 struct TrueRobot {
   std::vector<dataset::StampedPose> path;
-  double half_view_rad = M_PI;   ///< the camera sees bearings of base_link up to this; 0: no camera
+  double half_view_rad = M_PI;   ///< the camera sees so far to both sides of its axis; 0: no camera
   Polygon body_m;                ///< base_link; empty: unknown
   double body_height_m = 0.0;    ///< over the floor; 0: unknown, hides nothing
   Pose2 base_from_camera{};      ///< optical centre and axis of the camera, on the floor

@@ -219,7 +219,7 @@ TEST(Skirting, ChangesNothingWhereAllWallsAreEquallyFar) {
   EXPECT_EQ(room.movedCount(), 0);
 }
 
-// The first frames tell nothing of how their heights scatter.
+// The spread of the heights is not known after a few frames.
 TEST(Skirting, ChangesNothingInFewFrames) {
   SkirtedRoom room{Boards{}};
   Skirting skirting = room.skirting();
