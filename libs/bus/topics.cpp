@@ -92,7 +92,7 @@ Topics::Topics(RunMode mode)
       map_resend{"omnifleet/map/resend", resends()},
       map_octree{"omnifleet/map/octree", latest(4)},
       map_grid{"omnifleet/map/grid", latest(4)},
-      map_outlines{"omnifleet/map/outlines", latest(4)},
+      map_outlines{"omnifleet/map/outlines", latest(1024)},
       map_hash{"omnifleet/map/hash", latest()},
       formation_command{"omnifleet/formation/command", latest()},
       formation_state{"omnifleet/formation/state", stream(mode)},

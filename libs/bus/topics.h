@@ -41,7 +41,7 @@ struct Topics {
   Topic<v1::Resend> map_resend;                   ///< key replica
   Topic<v1::OctreeMap> map_octree;                ///< transient local, last 1
   Topic<v1::Grid> map_grid;                       ///< transient local, last 1
-  Topic<v1::Outlines> map_outlines;               ///< transient local, last 1
+  Topic<v1::Outlines> map_outlines;               ///< per tile; transient local, last 1
   Topic<v1::MapHash> map_hash;                    ///< key replica; transient local, last 1
   Topic<v1::FormationCommand> formation_command;  ///< key fleet; transient local, last 1
   Topic<v1::FormationState> formation_state;      ///< per robot

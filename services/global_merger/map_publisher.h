@@ -6,6 +6,7 @@
 #include "adapters/adapters.h"
 #include "bus/service.h"
 #include "global_merger/merger.h"
+#include "global_merger/outline_tiles.h"
 
 namespace omnifleet::services {
 
@@ -38,6 +39,7 @@ class MapPublisher {
   std::unique_ptr<bus::Writer<v1::Grid>> grid_;
   std::unique_ptr<bus::Writer<v1::Outlines>> outlines_;
   std::unique_ptr<bus::Writer<v1::MapHash>> hash_;
+  OutlineTiles tiles_;
   std::uint32_t sequence_ = 0;
   TimeNs last_ns_ = INT64_MIN;
   std::array<std::uint8_t, 32> last_hash_{};

@@ -89,9 +89,9 @@ TEST(FleetProcesses, LateSubscriberReceivesMap) {
   ASSERT_TRUE(late.untilSample<v1::OctreeMap>(
       *octrees, octree, [](const v1::OctreeMap&) { return true; }, 10s));
   EXPECT_EQ(std::string(octree.bt().begin(), octree.bt().begin() + 9), "# Octomap");
-  v1::Outlines objects;
+  v1::Outlines tile;
   ASSERT_TRUE(late.untilSample<v1::Outlines>(
-      *outlines, objects, [](const v1::Outlines&) { return true; }, 10s));
+      *outlines, tile, [](const v1::Outlines& t) { return !t.objects().empty(); }, 30s));
 }
 
 class StopSignal : public testing::TestWithParam<int> {};
