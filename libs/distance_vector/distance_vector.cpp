@@ -14,6 +14,7 @@ namespace {
 constexpr double kLeastShare = 0.03;  // of the columns that see floor: with fewer edges nothing is usable
 // Columns that continue above the horizon, or end without an edge, per column with an end, or with an edge.
 constexpr double kMostThrough = 3.0;
+constexpr int kSameEdge_px = 8;  // rows between one edge in level and in hue: JPEG codes hue in blocks of 16
 constexpr float kWholePixelSigma_px = 0.4f;  // σ of a boundary in whole pixels, threshold included
 
 }  // namespace
@@ -86,20 +87,27 @@ bool DistanceVector::findFloor(const cv::Mat& bgr) {
   return false;
 }
 
-/// Looks for the foot of what continues above the horizon.
+/// Looks for the foot of what continues above the horizon, and of bands that a shadow explains pixel by
+/// pixel. A shadow changes the level only: where the column shows another hue from the band upwards, the band
+/// is an object.
 void DistanceVector::splitColumns(const FloorSample& sample, bool is_known) {
   split_.begin(sample, is_known ? std::optional<cv::Vec3f>(colour_.knownDirection()) : std::nullopt);
   for (int u = 0; u < view_.size().width; ++u) {
     ColumnEnd& end = ends_[static_cast<std::size_t>(u)];
     const bool beyond_horizon = end.end == End::kUndecided && end.floor >= view_.size().height;
-    if (!beyond_horizon) continue;
+    const bool is_band = end.end == End::kUndecided && end.band_end >= 0;
+    if (!beyond_horizon && !is_band) continue;
     const auto row = split_.find(smoothed_, u);
     if (!row) continue;
+    if (is_band && (*row <= end.band_end || !split_.continues(*row, end.band_end))) continue;
+    // The band itself is the edge, unless floor in shadow lies before the object.
+    const bool at_band = is_band && std::abs(*row - end.row) <= kSameEdge_px;
+    const int foot = at_band ? end.row : *row;
     end = ColumnEnd{};
     end.end = End::kEdge;
-    end.row = *row;
-    end.floor = *row + 1;
-    end.weak = true;
+    end.row = foot;
+    end.floor = foot + 1;
+    end.weak = !at_band;
   }
 }
 

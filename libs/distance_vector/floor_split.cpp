@@ -41,6 +41,8 @@ void FloorSplit::begin(const FloorSample& floor, const std::optional<cv::Vec3f>&
 void FloorSplit::readColumn(const SmoothedImage& image, int u, int top) {
   const int bottom = image.size().height - 1;
   const float rows = static_cast<float>(bottom - top + 1), middle = 0.5f * (rows + 1.0f), half = 0.5f * rows;
+  bottom_ = bottom;
+  top_ = top;
   squares_ = 0.0f;
   moments_ = {};
   Chroma sum;
@@ -74,9 +76,26 @@ float FloorSplit::driftGain(float rows, const Chroma& all) const {
          gain(all.second, moments_[0].second, moments_[1].second, moments_[2].second);
 }
 
+/// Of the rows bottom … top, both included.
+FloorSplit::Chroma FloorSplit::mean(int bottom, int top) const {
+  const Chroma& below = sums_[static_cast<std::size_t>(bottom_ - bottom)];
+  const Chroma& all = sums_[static_cast<std::size_t>(bottom_ - top + 1)];
+  const auto n = static_cast<float>(bottom - top + 1);
+  return {(all.first - below.first) / n, (all.second - below.second) / n};
+}
+
+bool FloorSplit::continues(int foot, int row) const {
+  if (row < top_) return true;
+  if (foot >= bottom_ || foot <= row) return false;
+  const Chroma floor = mean(bottom_, foot + 1), object = mean(foot, row + 1), rest = mean(row, top_);
+  return square(rest.first - object.first) + square(rest.second - object.second) <
+         square(rest.first - floor.first) + square(rest.second - floor.second);
+}
+
 std::optional<int> FloorSplit::find(const SmoothedImage& image, int u) {
   const int bottom = image.size().height - 1, top = view_->checkRow(u);
   const int rows = bottom - top + 1;
+  bottom_ = top_ = 0;
   if (rows < 2 * kLeastRows) return std::nullopt;
   readColumn(image, u, top);
   const Chroma all = sums_[static_cast<std::size_t>(rows)];

@@ -30,6 +30,9 @@ class FloorSplit {
   void begin(const FloorSample& floor, const std::optional<cv::Vec3f>& known);
   /// @return first row (upwards) that is no floor; nothing if the column does not show where
   std::optional<int> find(const SmoothedImage& image, int u);
+  /// Whether the pixels from `row` upwards look more like the part between `foot` and `row` than like the
+  /// floor below `foot`. Of the column of the last find().
+  bool continues(int foot, int row) const;
 
  private:
   /// Colours across the floor's direction, grey levels.
@@ -39,6 +42,7 @@ class FloorSplit {
   Chroma chroma(const cv::Vec3f& colour, float level) const;
   float driftGain(float rows, const Chroma& all) const;
   void readColumn(const SmoothedImage& image, int u, int top);
+  Chroma mean(int bottom, int top) const;
 
   const ColumnView* view_;
   WalkOptions options_;
@@ -48,6 +52,7 @@ class FloorSplit {
   float level_ = 0.0f;        ///< of the floor
   float least_ = 0.0f;        ///< grey levels between floor and object
   std::vector<Chroma> sums_;  ///< over the rows from the bottom up to each row
+  int bottom_ = 0, top_ = 0;  ///< rows of the column that sums_ holds
   float squares_ = 0.0f;
   std::array<Chroma, 3> moments_;  ///< Σ row^k · chroma of the column, rows scaled to ±1
 };

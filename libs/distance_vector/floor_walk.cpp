@@ -217,6 +217,8 @@ void FloorWalk::endBand(int u, int v) {
     }
   } else {
     finish(u, End::kUndecided, w.begin);
+    ColumnEnd& end = ends_[static_cast<std::size_t>(u)];
+    if (end.end == End::kUndecided) end.band_end = v - 1;
   }
 }
 

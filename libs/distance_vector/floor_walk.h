@@ -28,6 +28,9 @@ struct ColumnEnd {
   bool low = false;
   bool beyond = false;  ///< kEdge: seen over an object that is low or flat
   bool weak = false;    ///< kEdge: no pixel shows it by itself, the whole column does (FloorSplit)
+  /// kUndecided by a band that a shadow explains: first row (upwards) where floor-like pixels follow; −1: no
+  /// band.
+  int band_end = -1;
 };
 
 /// Walks all columns upwards from the bottom, row by row. Each column carries the expected colour: its hue
