@@ -117,5 +117,65 @@ TEST_F(DistanceVectorFloor, ReachesTheEndOfTheViewInTheOpen) {
   EXPECT_GT(free, 150);
 }
 
+// Bands that a shadow explains pixel by pixel: their level is lower than that of the floor, their hue
+// deviates by less than a pixel shows, and above them the level is that of the floor again. Only the hue of
+// the whole column distinguishes a wall.
+class DistanceVectorBands : public DistanceVectorFloor {
+ protected:
+  static constexpr int kFoot = 150, kTop = 95;  // rows; the horizon is in row 83
+  /// @param colour of each row; in the left third a red wall is seen
+  template <class Colour>
+  void see(const Colour& colour) {
+    cv::Mat bgr(240, 320, CV_8UC3), deviations(240, 320, CV_16SC3);
+    for (int v = 0; v < bgr.rows; ++v) {
+      const cv::Vec3f value = colour(v), aside = redWall(v);
+      bgr.row(v).setTo(cv::Scalar(value[0], value[1], value[2]));
+      bgr.row(v).colRange(0, 100).setTo(cv::Scalar(aside[0], aside[1], aside[2]));
+    }
+    cv::RNG random(7);
+    random.fill(deviations, cv::RNG::NORMAL, 0.0, 2.0);
+    cv::add(bgr, deviations, bgr, cv::noArray(), CV_8U);
+    vector_.process(bgr);
+  }
+  cv::Vec3f redWall(int v) const { return v > 100 ? floor_ : cv::Vec3f(40.0f, 40.0f, 150.0f); }
+  /// The floor is known from an image before.
+  void SetUp() override {
+    see([&](int v) { return redWall(v); });
+    ASSERT_EQ(middle().end, distance_vector::End::kEdge);
+  }
+  const distance_vector::ColumnEnd& middle() const { return vector_.columnEnds()[160]; }
+
+  const cv::Vec3f floor_{148.0f, 158.0f, 165.0f},
+      wall_{153.0f, 158.0f, 162.0f};  // same level, 5 levels across
+};
+
+TEST_F(DistanceVectorBands, OfAnotherHueAreTheFootOfAWall) {
+  see([&](int v) { return v > kFoot ? floor_ : wall_ * (v > kTop ? 0.82f : 1.0f); });
+  ASSERT_EQ(middle().end, distance_vector::End::kEdge);
+  EXPECT_FALSE(middle().weak);
+  EXPECT_NEAR(vector_.edgeRows()[160], kFoot + 0.5f, 1.0f);
+}
+
+TEST_F(DistanceVectorBands, OfTheFloorsHueStayUndecided) {
+  see([&](int v) { return floor_ * (v > kFoot || v <= kTop ? 1.0f : 0.82f); });
+  EXPECT_EQ(middle().end, distance_vector::End::kUndecided);
+}
+
+// Light that comes from elsewhere tints a shadow.
+TEST_F(DistanceVectorBands, OfAnotherHueStayUndecidedWhereTheFloorsHueFollows) {
+  see([&](int v) { return v > kFoot || v <= kTop + 15 ? floor_ : wall_ * 0.82f; });
+  EXPECT_EQ(middle().end, distance_vector::End::kUndecided);
+}
+
+TEST_F(DistanceVectorBands, EndAtTheWallBehindFloorInShadow) {
+  constexpr int kShadow = kFoot + 30;
+  see([&](int v) {
+    return v > kShadow ? floor_ : v > kFoot ? floor_ * 0.82f : wall_ * (v > kTop ? 0.82f : 1.0f);
+  });
+  ASSERT_EQ(middle().end, distance_vector::End::kEdge);
+  EXPECT_TRUE(middle().weak);
+  EXPECT_NEAR(middle().row, kFoot, 4);
+}
+
 }  // namespace
 }  // namespace omnifleet::test
