@@ -143,11 +143,7 @@ void FloorWalk::stepFloor(int u, int v, const float* colour) {
   const float expected = w.level + w.slope;
   const Deviation d = compare(w, colour, expected, levelTolerance(u, v, w.level));
   if (d.hue || d.level) {
-    w.state = State::kBand;
-    w.begin = v;
-    w.edge = -1;
-    w.count = w.object_run = w.object_count = w.floor_run = 0;
-    w.band_sum = 0.0f;
+    beginBand(w, v);
     stepBand(u, v, colour);
     return;
   }
@@ -162,6 +158,24 @@ void FloorWalk::stepFloor(int u, int v, const float* colour) {
   }
   const float length = 1.5f - 0.5f * square;  // first order of 1/√square, which is near 1
   for (float& c : w.hue) c *= length;
+}
+
+void FloorWalk::beginBand(Walker& w, int v) {
+  w.state = State::kBand;
+  w.begin = v;
+  w.edge = -1;
+  w.count = w.object_run = w.object_count = w.shadow_run = w.floor_run = 0;
+  w.band_sum = 0.0f;
+}
+
+/// Behind the object is what may be floor in the shadow of something else. If the object hides so little
+/// floor that it may be flat, the band goes on behind it.
+void FloorWalk::passFlat(int u, int v) {
+  Walker& w = walkers_[static_cast<std::size_t>(u)];
+  const int behind = v + w.shadow_run - 1;
+  if (depth(u, w.begin, behind) > static_cast<float>(options_.largest_flat_m)) return;
+  if (w.flat < 0) w.flat = w.edge;
+  beginBand(w, behind);
 }
 
 void FloorWalk::stepBand(int u, int v, const float* colour) {
@@ -179,8 +193,10 @@ void FloorWalk::stepBand(int u, int v, const float* colour) {
   if (!d.hue && d.along >= least && d.along <= most) {
     w.band_sum += d.along;
     w.object_run = 0;
+    if (w.edge >= 0 && ++w.shadow_run >= options_.min_run_px) passFlat(u, v);
     return;
   }
+  w.shadow_run = 0;
   if (w.object_run == 0) {
     w.object_begin = v;
     w.before_sum = w.band_sum;

@@ -44,7 +44,8 @@ struct ColumnEnd {
 /// - floor follows, no shadow explains it: an object. It may be flat if it hides at most largest_flat_m: the
 ///   walk goes on, because the next edge is valid in any case;
 /// - floor follows, otherwise: undecided (a shadow, or a low object).
-/// Floor-like pixels above the horizon are no floor, so such a column is undecided.
+/// Floor in a shadow that follows an object counts as floor in the third rule: a card before a block and its
+/// shadow. Floor-like pixels above the horizon are no floor, so such a column is undecided.
 class FloorWalk {
  public:
   FloorWalk(const ColumnView& view, const WalkOptions& options);
@@ -63,7 +64,7 @@ class FloorWalk {
     int flat = -1;            ///< row where the first low or flat object begins; −1: none so far
     int edge = 0;             ///< row where its object begins, once it is no line; −1 before
     int object_begin = 0;     ///< first row of the present run of pixels that no shadow explains
-    int object_run = 0, object_count = 0, floor_run = 0, count = 0, before = 0;
+    int object_run = 0, object_count = 0, shadow_run = 0, floor_run = 0, count = 0, before = 0;
     State state = State::kFloor;
   };
   struct Deviation {
@@ -75,6 +76,8 @@ class FloorWalk {
   void beginColumn(int u, float level, const FloorSample& floor);
   Deviation compare(const Walker& w, const float* colour, float expected, float tolerance) const;
   void stepFloor(int u, int v, const float* colour);
+  static void beginBand(Walker& w, int v);
+  void passFlat(int u, int v);
   void stepBand(int u, int v, const float* colour);
   void endBand(int u, int v);
   void finish(int u, End end, int row);

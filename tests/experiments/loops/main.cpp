@@ -1,7 +1,7 @@
 // Loop closing between single places, on recordings of furnished rooms (raycast_room): recall, false closures
 // and errors of the relative pose over seeded pairs of frames.
 //   raycast_room OUT SEED --pair same|lookalike|disjoint; raycast_room OUT SEED --loop
-//   omnifleet_loops OUT/... [--seed N] [--csv FILE]
+//   omnifleet_loops OUT/... [--seed N] [--csv FILE] [--parts]
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -41,6 +41,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> folders;
   std::uint32_t seed = 1;
   std::string csv, overlay;
+  bool parts = false;
   loops::PairCounts counts;
   loops::Surroundings surroundings;
   app.add_option("recordings", folders, "folders of recordings")->required();
@@ -53,6 +54,7 @@ int main(int argc, char** argv) {
                  "m of path around the first place whose scans count; 0: its own");
   app.add_option("--options", overlay, "YAML file with options of LoopCheck");
   app.add_option("--csv", csv, "file for one line per pair");
+  app.add_flag("--parts", parts, "also without the compass, and with scans alone");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -65,13 +67,16 @@ int main(int argc, char** argv) {
     for (const std::string& folder : folders) recordings.emplace_back(folder);
     const std::vector<loops::Pair> pairs = loops::choosePairs(recordings, counts, seed);
     const loops::Shots shots(recordings, pairs, surroundings);
-    std::printf("Scans alone, without surfaces that contradict and without compass\n%s\n",
-                loops::report(loops::evaluate(pairs, shots, scansAlone(), false)).c_str());
-    std::printf("Scans and surfaces, without compass\n%s\n",
-                loops::report(loops::evaluate(pairs, shots, options, false)).c_str());
     const std::vector<loops::Outcome> outcomes = loops::evaluate(pairs, shots, options);
-    std::printf("Scans, surfaces and compass\n%s", loops::report(outcomes).c_str());
+    std::printf("Scans, surfaces and compass\n%s\n", loops::report(outcomes).c_str());
+    std::fflush(stdout);
     if (!csv.empty()) dataset::writeAtomic(csv, loops::csv(recordings, outcomes));
+    if (parts) {
+      std::printf("Scans alone, without surfaces that contradict and without compass\n%s\n",
+                  loops::report(loops::evaluate(pairs, shots, scansAlone(), false)).c_str());
+      std::printf("Scans and surfaces, without compass\n%s\n",
+                  loops::report(loops::evaluate(pairs, shots, options, false)).c_str());
+    }
     return std::any_of(outcomes.begin(), outcomes.end(), [](const auto& o) { return o.isFalseClosure(); })
                ? 1
                : 0;

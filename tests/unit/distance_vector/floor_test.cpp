@@ -66,6 +66,14 @@ TEST_F(DistanceVectorFloor, SeesAWallBehindACard) {
 }
 
 // From afar, the floor behind it shows that it is lower than 1 cm.
+// Between both, the floor lies in the shadow of the wall: no pixel has the colour of the floor.
+TEST_F(DistanceVectorFloor, SeesAWallBehindACardAndItsOwnShadow) {
+  world_.spots.push_back({{0.4, 0.0}, 0.08, {0.5f, 0.8f, 1.3f}});
+  world_.spots.push_back({{0.75, 0.0}, 0.27, {0.6f, 0.6f, 0.6f}});
+  EXPECT_NEAR(middleEdge(), foot(), 0.7);
+  EXPECT_EQ(vector_.scan().label[0], RayLabel::kUnknown);
+}
+
 TEST_F(DistanceVectorFloor, CrossesACardFromAfar) {
   world_.blocks[0].centre_m.x() += 0.6;
   world_.spots.push_back({{1.0, 0.0}, 0.04, {0.5f, 0.8f, 1.3f}});
