@@ -171,7 +171,7 @@ TEST_F(DistanceVectorBands, OfTheFloorsHueStayUndecided) {
 
 // Light that comes from elsewhere tints a shadow.
 TEST_F(DistanceVectorBands, OfAnotherHueStayUndecidedWhereTheFloorsHueFollows) {
-  see([&](int v) { return v > kFoot || v <= kTop + 15 ? floor_ : wall_ * 0.82f; });
+  see([&](int v) { return v > kFoot || v <= kTop ? floor_ : wall_ * 0.82f; });
   EXPECT_EQ(middle().end, distance_vector::End::kUndecided);
 }
 
