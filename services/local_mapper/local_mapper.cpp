@@ -270,10 +270,23 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   scan.finish(map.scan);
 }
 
-/// The boundary of the floor. In a room it ends at the foot of skirting boards, and so does the scan.
+/// The boundary of the floor. Walls of nearly the floor's colour are no regions; the scan says where they stand. In a room
+/// the boundary ends at the foot of skirting boards, and so does the scan.
 void LocalMapper::Stages::findBoundary(const cv::Mat& image) {
   map.boundary = boundary.find(image, segmenter.objects());
   if (!has_walls) return;
+  const std::size_t beams = map.boundary.inverse_m.size(), rays = map.scan.range_m.size();
+  for (std::size_t beam = 0; beam < beams; ++beam) {
+    const std::size_t ray = beam * rays / beams;
+    if (map.boundary.inverse_m[beam] > 0.0f || map.scan.label[ray] != RayLabel::kObstacle ||
+        map.scan.object[ray] != 0 || !(map.scan.range_m[ray] > 0.0f))
+      continue;
+    const double place = boundary.paths().placeOf(boundary.paths()[beam], 1.0f / map.scan.range_m[ray]);
+    if (const auto edge = boundary.refine(beam, static_cast<int>(std::lround(place)), image)) {
+      map.boundary.inverse_m[beam] = edge->inverse_m;
+      map.boundary.sigma[beam] = edge->sigma;
+    }
+  }
   const std::vector<std::uint8_t>& moved = skirting.apply(image, map.boundary);
   for (std::size_t ray = 0; ray < map.scan.range_m.size(); ++ray) {
     const std::size_t beam = ray * moved.size() / map.scan.range_m.size();
