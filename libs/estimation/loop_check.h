@@ -26,7 +26,7 @@ struct LoopCheckOptions {
   double most_contradict = 0.22;  ///< 1, share of the common surfaces that may contradict
   double refused = 0.35;          ///< 1, share from which another relation is no rival
   double rival_evidence = 1.0;    ///< nats, by which the best relation must exceed every other one
-  double least_evidence = 1.0;    ///< nats, for the best relation against another room
+  double least_evidence = 1.5;    ///< nats, for the best relation: 300 pairs of wrong places reached 1.08
   SurfaceEvidence surfaces;
   // Evidence of the compass: density of its answer at the scan's heading, relative to an even one.
   double most_compass = 2.0;  ///< nats, at most: the compass distinguishes headings; rooms with equal walls

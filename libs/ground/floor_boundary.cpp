@@ -13,6 +13,11 @@ constexpr int kSamples = 2 * kReach_px * kPerPixel + 1;
 constexpr double kWindow_px = 2.5;  // half width of the area that places the edge
 constexpr double kPlateau_px = 2.0, kPlateauEnd_px = 4.0, kFar_px = 5.0, kFarEnd_px = 8.0;
 constexpr int kRounds = 3;
+// Second differences that show the scatter of added edges: from beams so far apart, of so many beams to
+// either side.
+constexpr int kLag = 4, kBeside = 10;
+constexpr std::size_t kLeastTriples = 5;
+constexpr float kToSigma = 1.4826f / 1.2247449f;  // median of |b − (a + c)/2| → σ of one value
 
 /// Samples along one bearing, kReach_px to both sides of a step.
 struct Profile {
@@ -55,6 +60,8 @@ FloorBoundary::FloorBoundary(const lens::Camera& camera, const FloorView& view,
   boundary_.origin_m = camera.foot();
   boundary_.inverse_m.resize(paths_.size());
   boundary_.sigma.resize(paths_.size());
+  added_.resize(paths_.size());
+  scatter_.reserve(paths_.size());
 }
 
 Boundary& FloorBoundary::find(const cv::Mat& image, const cv::Mat1b& objects) {
@@ -68,6 +75,45 @@ Boundary& FloorBoundary::find(const cv::Mat& image, const cv::Mat1b& objects) {
     }
   }
   return boundary_;
+}
+
+void FloorBoundary::complete(const cv::Mat& image, const std::vector<float>& expected_m, Boundary& boundary) {
+  const std::size_t beams = paths_.size();
+  for (std::size_t i = 0; i < beams; ++i) {
+    added_[i] = 0;
+    if (boundary.inverse_m[i] > 0.0f || !(expected_m[i] > 0.0f)) continue;
+    const auto edge =
+        refine(i, static_cast<int>(std::lround(paths_.placeOf(paths_[i], expected_m[i]))), image);
+    if (!edge) continue;
+    boundary.inverse_m[i] = edge->inverse_m;
+    boundary.sigma[i] = edge->sigma;
+    added_[i] = 1;
+  }
+  // A straight line is s(b − lag) + s(b + lag) = 2 cos(lag) · s(b) in inverse range.
+  const auto middle = static_cast<float>(2.0 * std::cos(2.0 * M_PI * kLag / static_cast<double>(beams)));
+  for (std::size_t i = 0; i < beams; ++i) {
+    if (added_[i] == 0) continue;
+    scatter_.clear();
+    for (int k = -kBeside; k <= kBeside; ++k) {
+      const auto at = [&](int beside) {
+        const auto n = static_cast<int>(beams);
+        return static_cast<std::size_t>((static_cast<int>(i) + k + beside + n) % n);
+      };
+      const std::size_t a = at(-kLag), b = at(0), c = at(kLag);
+      if (added_[a] == 0 || added_[b] == 0 || added_[c] == 0) continue;
+      scatter_.push_back(
+          std::abs(boundary.inverse_m[b] - (boundary.inverse_m[a] + boundary.inverse_m[c]) / middle));
+    }
+    if (scatter_.size() < kLeastTriples) {
+      added_[i] = 2;  // alone
+      continue;
+    }
+    const auto half = scatter_.begin() + static_cast<std::ptrdiff_t>(scatter_.size() / 2);
+    std::nth_element(scatter_.begin(), half, scatter_.end());
+    boundary.sigma[i] = std::max(boundary.sigma[i], kToSigma * *half);
+  }
+  for (std::size_t i = 0; i < beams; ++i)
+    if (added_[i] == 2) boundary.inverse_m[i] = boundary.sigma[i] = 0.0f;
 }
 
 int FloorBoundary::firstEnd(const BearingPaths::Path& path, const cv::Mat1b& objects) const {

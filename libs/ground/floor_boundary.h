@@ -37,6 +37,13 @@ class FloorBoundary {
   /// @return valid until the next call
   Boundary& find(const cv::Mat& image, const cv::Mat1b& objects);
 
+  /// Adds edges near places that are known otherwise, for beams without one: of walls of nearly the floor's
+  /// colour. Such edges are faint, and some lie on shadows or in the pattern of the wall. So their σ is at
+  /// least the scatter of their neighbours about straight lines (second differences), and lone ones are left
+  /// out.
+  /// @param expected_m by bearing: 1/m of the floor near which an edge is searched for; 0: none
+  void complete(const cv::Mat& image, const std::vector<float>& expected_m, Boundary& boundary);
+
   struct Edge {
     float inverse_m = 0.0f, sigma = 0.0f;  ///< 1/m, of the floor there, and its σ
   };
@@ -51,6 +58,8 @@ class FloorBoundary {
   BoundaryOptions options_;
   BearingPaths paths_;
   Boundary boundary_;
+  std::vector<std::uint8_t> added_;  ///< by bearing: by complete()
+  std::vector<float> scatter_;       ///< of the neighbours of one beam
 };
 
 }  // namespace omnifleet::ground

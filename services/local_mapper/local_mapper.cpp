@@ -105,6 +105,7 @@ struct LocalMapper::Stages {
   ObjectObservation object;
   std::vector<Eigen::Vector2d> undecided_m;
   bool has_walls = false;
+  std::vector<float> wall_inverse_m;  // by beam of the boundary
   FrameFault fault;
   LocalMap map;
   std::vector<ObjectObservation> spare_objects;  // for their buffers: the n-th object reuses the n-th
@@ -270,23 +271,19 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
   scan.finish(map.scan);
 }
 
-/// The boundary of the floor. Walls of nearly the floor's colour are no regions; the scan says where they stand. In a room
-/// the boundary ends at the foot of skirting boards, and so does the scan.
+/// The boundary of the floor. Walls of nearly the floor's colour are no regions; the scan says where they
+/// stand. In a room the boundary ends at the foot of skirting boards, and so does the scan.
 void LocalMapper::Stages::findBoundary(const cv::Mat& image) {
   map.boundary = boundary.find(image, segmenter.objects());
   if (!has_walls) return;
   const std::size_t beams = map.boundary.inverse_m.size(), rays = map.scan.range_m.size();
+  wall_inverse_m.assign(beams, 0.0f);
   for (std::size_t beam = 0; beam < beams; ++beam) {
     const std::size_t ray = beam * rays / beams;
-    if (map.boundary.inverse_m[beam] > 0.0f || map.scan.label[ray] != RayLabel::kObstacle ||
-        map.scan.object[ray] != 0 || !(map.scan.range_m[ray] > 0.0f))
-      continue;
-    const double place = boundary.paths().placeOf(boundary.paths()[beam], 1.0f / map.scan.range_m[ray]);
-    if (const auto edge = boundary.refine(beam, static_cast<int>(std::lround(place)), image)) {
-      map.boundary.inverse_m[beam] = edge->inverse_m;
-      map.boundary.sigma[beam] = edge->sigma;
-    }
+    const bool ends_at_wall = map.scan.label[ray] == RayLabel::kObstacle && map.scan.object[ray] == 0;
+    if (ends_at_wall && map.scan.range_m[ray] > 0.0f) wall_inverse_m[beam] = 1.0f / map.scan.range_m[ray];
   }
+  boundary.complete(image, wall_inverse_m, map.boundary);
   const std::vector<std::uint8_t>& moved = skirting.apply(image, map.boundary);
   for (std::size_t ray = 0; ray < map.scan.range_m.size(); ++ray) {
     const std::size_t beam = ray * moved.size() / map.scan.range_m.size();

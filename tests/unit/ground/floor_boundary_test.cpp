@@ -224,6 +224,76 @@ TEST(FloorBoundary, FindsNothingWhereTheMaskShowsOnlyFloor) {
   for (std::size_t i = 390; i <= 690; ++i) EXPECT_GT(boundary.sigma[i], 0.0f) << i;
 }
 
+/// A boundary without edges, to be completed; places known otherwise, two pixels off on the average.
+class AddedEdges : public ::testing::Test {
+ protected:
+  AddedEdges()
+      : none_(finder_.find(image_, cv::Mat1b(image_.size(), 0))), expected_m_(none_.inverse_m.size()) {
+    for (std::size_t i = 0; i < expected_m_.size(); ++i)
+      expected_m_[i] = static_cast<float>(0.98 * room_.inverseRange(i, expected_m_.size()));
+  }
+  /// σ in pixels along the bearing.
+  double sigma_px(const Boundary& boundary, std::size_t i) const {
+    const double f = room_.camera().model().focal_px.x(), h = room_.camera().height(),
+                 theta = std::atan(1.0 / (h * static_cast<double>(boundary.inverse_m[i])));
+    return static_cast<double>(boundary.sigma[i]) * h * f * std::sin(theta) * std::sin(theta);
+  }
+
+  RenderedRoom room_;
+  cv::Mat3b image_ = room_.image();
+  FloorBoundary finder_{room_.camera(), room_.view(), {}};
+  Boundary none_;
+  std::vector<float> expected_m_;
+};
+
+TEST_F(AddedEdges, LieAtWallsThatTheMaskMisses) {
+  finder_.complete(image_, expected_m_, none_);
+  const EdgeErrors errors = errorsOf(room_, none_);
+  EXPECT_GE(found(none_), 0.95 * errors.bearings);
+  EXPECT_GE(errors.near, 0.9 * errors.bearings);
+  for (std::size_t i = 0; i < none_.sigma.size(); ++i) {
+    if (none_.sigma[i] > 0.0f) {
+      EXPECT_LT(sigma_px(none_, i), 0.5) << i;
+    }
+  }
+}
+
+TEST_F(AddedEdges, HaveAtLeastTheirScatterAsSigma) {
+  // Every other stretch of 3 degrees looks like floor up to 3 px above the foot of the wall.
+  const cv::Mat1b wall = room_.mask(0.0), upper = room_.mask(3.0);
+  for (int y = 0; y < image_.rows; ++y)
+    for (int x = 0; x < image_.cols; ++x)
+      if (wall(y, x) != 0 && upper(y, x) == 0 &&
+          static_cast<int>(std::atan2(y - 240.0, x - 320.0) / (M_PI / 60.0) + 120.0) % 2 == 0)
+        image_(y, x) = {150, 160, 170};
+  finder_.complete(image_, expected_m_, none_);
+  std::vector<double> sigmas;
+  for (std::size_t i = 0; i < none_.sigma.size(); ++i)
+    if (none_.sigma[i] > 0.0f) sigmas.push_back(sigma_px(none_, i));
+  ASSERT_GE(sigmas.size(), 400U);
+  std::nth_element(sigmas.begin(), sigmas.begin() + 200, sigmas.end());
+  EXPECT_GT(sigmas[200], 0.8);
+}
+
+TEST_F(AddedEdges, AreLeftOutWhereTheyAreAlone) {
+  for (std::size_t i = 0; i < expected_m_.size(); ++i)
+    if (i < 100 || i >= 110) expected_m_[i] = 0.0f;
+  finder_.complete(image_, expected_m_, none_);
+  EXPECT_EQ(found(none_), 0);
+}
+
+TEST_F(AddedEdges, ReplaceNoEdgeThatIsKnown) {
+  Boundary known = finder_.find(image_, room_.mask(0.0));
+  const std::vector<float> before = known.inverse_m, sigma = known.sigma;
+  for (float& expected : expected_m_) expected *= 0.97f;
+  finder_.complete(image_, expected_m_, known);
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    if (!(before[i] > 0.0f)) continue;
+    EXPECT_EQ(known.inverse_m[i], before[i]) << i;
+    EXPECT_EQ(known.sigma[i], sigma[i]) << i;
+  }
+}
+
 TEST(FloorBoundary, IgnoresSpecksInTheMask) {
   const RenderedRoom room;
   const cv::Mat3b image = room.image();

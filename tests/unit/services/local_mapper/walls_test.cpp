@@ -320,6 +320,28 @@ TEST_F(Walls, EndsScanAtWallsOfNearlyTheFloorColour) {
   }
 }
 
+/// Such walls are no regions. Localization and map need the edge itself, not the end of the grown floor.
+TEST_F(Walls, MeasuresTheFootOfWallsOfNearlyTheFloorColour) {
+  for (const char* walls : kNearFloor) {
+    const synthetic::Arena arena = room(std::string(kUnevenLight) + walls);
+    const LocalMap map = mapOf(arena, pictureOf(arena, {-0.9, -0.6, 0}));
+    int near = 0, measured = 0, right = 0;
+    for (std::size_t beam = 0; beam < map.boundary.inverse_m.size(); ++beam) {
+      const double wall_m = wallAlong(beam / 2, {-0.9, -0.6, 0});
+      if (beam % 2 != 0 || wall_m > 1.8) continue;
+      ++near;
+      if (!(map.boundary.inverse_m[beam] > 0.0f)) continue;
+      ++measured;
+      right +=
+          std::abs(1.0 / static_cast<double>(map.boundary.inverse_m[beam]) - wall_m) < pixelsAt(wall_m, 2.0)
+              ? 1
+              : 0;
+    }
+    EXPECT_GE(measured, 0.8 * near) << walls;
+    EXPECT_GE(right, 0.8 * measured) << walls;  // shadows at the foot of the wall move some edges
+  }
+}
+
 /// The walls lie in the ring from which the floor's colours are learned.
 TEST_F(Walls, DoesNotLearnNearbyWallsAsFloor) {
   for (const char* walls : kNearFloor) {
