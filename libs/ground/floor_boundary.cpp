@@ -48,6 +48,8 @@ BoundaryOptions BoundaryOptions::read(const options::Section& section) {
   section.read("max_angle_deg", o.max_angle_deg, {45.0, 89.5});
   section.read("run_px", o.run_px, {1.0, 20.0});
   section.read("min_contrast", o.min_contrast, {1.0, 255.0});
+  section.read("wall_contrast", o.wall_contrast, {1.0, 255.0});
+  section.read("wall_sigma_px", o.wall_sigma_px, {0.01, 5.0});
   section.read("max_shift_px", o.max_shift_px, {0.5, 6.0});
   section.read("sigma_px", o.sigma_px, {0.01, 5.0});
   section.finish();
@@ -82,11 +84,12 @@ void FloorBoundary::complete(const cv::Mat& image, const std::vector<float>& exp
   for (std::size_t i = 0; i < beams; ++i) {
     added_[i] = 0;
     if (boundary.inverse_m[i] > 0.0f || !(expected_m[i] > 0.0f)) continue;
-    const auto edge =
-        refine(i, static_cast<int>(std::lround(paths_.placeOf(paths_[i], expected_m[i]))), image);
+    const auto edge = refine(i, static_cast<int>(std::lround(paths_.placeOf(paths_[i], expected_m[i]))),
+                             image, options_.wall_contrast);
     if (!edge) continue;
     boundary.inverse_m[i] = edge->inverse_m;
-    boundary.sigma[i] = edge->sigma;
+    boundary.sigma[i] =
+        edge->sigma * static_cast<float>(std::max(1.0, options_.wall_sigma_px / options_.sigma_px));
     added_[i] = 1;
   }
   // A straight line is s(b − lag) + s(b + lag) = 2 cos(lag) · s(b) in inverse range.
@@ -126,8 +129,8 @@ int FloorBoundary::firstEnd(const BearingPaths::Path& path, const cv::Mat1b& obj
 }
 
 /// Three rounds around the edge found so far.
-std::optional<FloorBoundary::Edge> FloorBoundary::refine(std::size_t bearing, int step,
-                                                         const cv::Mat& image) const {
+std::optional<FloorBoundary::Edge> FloorBoundary::refine(std::size_t bearing, int step, const cv::Mat& image,
+                                                         double min_contrast) const {
   const BearingPaths::Path& path = paths_[bearing];
   if (step < kReach_px / 2 || step + kReach_px / 2 >= path.count) return std::nullopt;
   Profile profile;
@@ -145,7 +148,7 @@ std::optional<FloorBoundary::Edge> FloorBoundary::refine(std::size_t bearing, in
     const cv::Vec3f floor = inner + gradient * static_cast<float>(0.5 * (kPlateau_px + kPlateauEnd_px)),
                     contrast = outer - floor;
     const float square = contrast.dot(contrast);
-    if (square < options_.min_contrast * options_.min_contrast) return std::nullopt;
+    if (square < min_contrast * min_contrast) return std::nullopt;
     double outside = 0.0;
     int n = 0;
     constexpr double kStep_px = 0.5 / kPerPixel;

@@ -17,8 +17,12 @@ struct BoundaryOptions {
   double max_angle_deg = 88.5;  ///< degrees from straight down; beyond, one pixel is metres of floor
   double run_px = 2.0;          ///< pixels in a row that are no floor: specks do not end it
   double min_contrast = 10.0;   ///< grey levels between the floor and what ends it
-  double max_shift_px = 4.0;    ///< pixels between the segmentation's edge and the refined one
-  double sigma_px = 0.25;       ///< pixels: σ of an edge along its bearing, before it is scaled per frame
+  double wall_contrast =
+      4.0;  ///< likewise, near the foot of a known wall: 3 σ of the mean of five noisy pixels
+  double wall_sigma_px =
+      0.8;  ///< pixels: σ of such an edge at least (shadows at the foot; three rendered walls: 0.7–1)
+  double max_shift_px = 4.0;  ///< pixels between the segmentation's edge and the refined one
+  double sigma_px = 0.25;     ///< pixels: σ of an edge along its bearing, before it is scaled per frame
   static BoundaryOptions read(const options::Section& section);
 };
 
@@ -48,11 +52,14 @@ class FloorBoundary {
     float inverse_m = 0.0f, sigma = 0.0f;  ///< 1/m, of the floor there, and its σ
   };
   /// The edge nearest to a step of a bearing; none where the contrast is too low or the edge is not near it.
-  std::optional<Edge> refine(std::size_t bearing, int step, const cv::Mat& image) const;
+  std::optional<Edge> refine(std::size_t bearing, int step, const cv::Mat& image) const {
+    return refine(bearing, step, image, options_.min_contrast);
+  }
 
   const BearingPaths& paths() const { return paths_; }
 
  private:
+  std::optional<Edge> refine(std::size_t bearing, int step, const cv::Mat& image, double min_contrast) const;
   int firstEnd(const BearingPaths::Path& path, const cv::Mat1b& objects) const;
 
   BoundaryOptions options_;

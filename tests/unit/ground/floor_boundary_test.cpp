@@ -253,9 +253,21 @@ TEST_F(AddedEdges, LieAtWallsThatTheMaskMisses) {
   EXPECT_GE(errors.near, 0.9 * errors.bearings);
   for (std::size_t i = 0; i < none_.sigma.size(); ++i) {
     if (none_.sigma[i] > 0.0f) {
-      EXPECT_LT(sigma_px(none_, i), 0.5) << i;
+      EXPECT_NEAR(sigma_px(none_, i), BoundaryOptions{}.wall_sigma_px, 0.1) << i;
     }
   }
+}
+
+/// Of 6 levels, less than an edge has whose place is not known otherwise.
+TEST_F(AddedEdges, LieAtFaintWalls) {
+  WalledRoom faint;
+  faint.wall = {146.0f, 160.0f, 174.0f};
+  const RenderedRoom room(faint);
+  const cv::Mat3b image = room.image();
+  EXPECT_EQ(found(finder_.find(image, room.mask(0.0))), 0);
+  finder_.complete(image, expected_m_, none_);
+  EXPECT_GE(found(none_), 0.9 * static_cast<double>(expected_m_.size()));
+  EXPECT_LT(std::abs(errorsOf(room, none_).mean_px), 0.3);
 }
 
 TEST_F(AddedEdges, HaveAtLeastTheirScatterAsSigma) {
@@ -272,7 +284,7 @@ TEST_F(AddedEdges, HaveAtLeastTheirScatterAsSigma) {
     if (none_.sigma[i] > 0.0f) sigmas.push_back(sigma_px(none_, i));
   ASSERT_GE(sigmas.size(), 400U);
   std::nth_element(sigmas.begin(), sigmas.begin() + 200, sigmas.end());
-  EXPECT_GT(sigmas[200], 0.8);
+  EXPECT_GT(sigmas[200], 1.2);
 }
 
 TEST_F(AddedEdges, AreLeftOutWhereTheyAreAlone) {
