@@ -300,12 +300,18 @@ Pose2 cameraOnFloor(const lens::CameraModel& camera) {
   return {camera.position_m.x(), camera.position_m.y(), std::atan2(axis.y(), axis.x())};
 }
 
-/// The true robots: their paths, bodies and what their cameras see. What a robot in its own frame sees is not
-/// in the common map and counts as not seen.
+bool hasSensor(const dataset::RobotRecording& robot) {
+  return robot.fisheye || robot.front || !robot.laser.empty() || !robot.observations.empty();
+}
+
+/// The true robots: their paths, bodies and what their cameras see. A recording without any sensor holds the
+/// truth of a simulated run: its robots are taken to see all around. What a robot in its own frame sees is
+/// not in the common map and counts as not seen.
 std::map<std::string, evaluation::TrueRobot> trueRobots(const dataset::Dataset& recording,
                                                         const dataset::GroundTruth& truth,
                                                         const dataset::MergeReport& merge) {
   std::map<std::string, evaluation::TrueRobot> all;
+  const bool is_truth_only = std::none_of(recording.robots.begin(), recording.robots.end(), hasSensor);
   for (const auto& [name, poses] : truth.trajectories) {
     evaluation::TrueRobot& robot = all[name];
     robot.path = poses;
@@ -318,7 +324,8 @@ std::map<std::string, evaluation::TrueRobot> trueRobots(const dataset::Dataset& 
       robot.base_from_camera = cameraOnFloor(recorded->fisheye->camera);
       robot.camera_height_m = recorded->fisheye->camera.position_m.z();
     }
-    if (recorded->fisheye || !recorded->laser.empty() || !recorded->observations.empty()) continue;
+    if (is_truth_only || recorded->fisheye || !recorded->laser.empty() || !recorded->observations.empty())
+      continue;
     robot.half_view_rad = 0.0;
     if (!recorded->front) continue;
     const lens::CameraModel& camera = recorded->front->camera;

@@ -261,6 +261,28 @@ TEST_F(Evaluate, ReportsCellsAtTrueFaces) {
   EXPECT_TRUE(json["free_wrong"].is_null());
 }
 
+// The demo records the truth of a simulated run, without images.
+TEST_F(Evaluate, CountsFacesSeenInARecordingWithoutSensors) {
+  dataset::OccupancyGrid grid;
+  grid.width = grid.height = 160;
+  grid.origin_m = {-2.525, -2.525};
+  grid.cells.assign(25600, -1);
+  dataset::writeMapServer(out_ + "/map", grid);
+  std::filesystem::remove_all(recording_ + "/r1");
+  EXPECT_GT(evaluateRun(out_, recording_).cells->obstacles.seen, 0);
+  dataset::RobotRecording r1, r2;
+  r1.name = "r1";
+  r2.name = "r2";
+  r1.body = r2.body = {0.15, {}, 0.3, 0.26};
+  dataset::writeDatasetYaml(recording_, {r1, r2});
+  lens::CameraModel camera;
+  camera.image_width_px = camera.image_height_px = 8;
+  camera.focal_px = {3, 3};
+  dataset::ImageStreamWriter(recording_, "r2/fisheye", camera).writeMissing(0);
+  EXPECT_EQ(evaluateRun(out_, recording_).cells->obstacles.seen, 0)
+      << "r1 is parked beside a robot with a camera";
+}
+
 // A path along x, of which every other point lies 1 cm aside: (x, 0) against (x, ±d). With Σx² = S over 10
 // points and M = AᵀC of (S, Σx·±d; 0, 0) only the first singular value differs from zero, so that
 // μ = 1 − (S² + (Σx·±d)²) / (S (S + 10 d²)).
