@@ -29,7 +29,7 @@ bool isBody(const FleetState& fleet, const Glimpse& seen, const RobotNode& robot
 
 /// Where a wall, or what stands nearer, runs into a thing it is not seen, but it is not missing either.
 bool seesFloorAt(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
-  const Scan& scan = robot.scan;
+  const Scan& scan = robot.sight_aid.scan;
   if (scan.range_m.empty()) return true;
   const Eigen::Vector2d to = in_base_m - scan.origin_m;
   const auto rays = static_cast<double>(scan.range_m.size());
@@ -40,13 +40,13 @@ bool seesFloorAt(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
 
 bool isEmptyAround(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
   return seesFloorAt(robot, in_base_m) &&
-         std::none_of(robot.sight.begin(), robot.sight.end(),
+         std::none_of(robot.sight_aid.glimpses.begin(), robot.sight_aid.glimpses.end(),
                       [&](const Glimpse& s) { return (s.position_m - in_base_m).norm() < kEmpty_m; });
 }
 
 bool inPlainSight(const RobotNode& robot, const Eigen::Vector2d& in_base_m) {
   const double away_m = in_base_m.norm();
-  return away_m > kTooNear_m && away_m < std::min(kPlainSight_m, robot.farthest_m);
+  return away_m > kTooNear_m && away_m < std::min(kPlainSight_m, robot.sight_aid.farthest_m);
 }
 
 bool isWhat(const FleetState& fleet, const Glimpse& seen, const Pose2& map_from_base, const Anchor& anchor) {
@@ -63,7 +63,7 @@ bool isWhat(const FleetState& fleet, const Glimpse& seen, const Pose2& map_from_
 /// What the robot sees against what is known; tells which anchors it has found.
 void weighSeen(const FleetState& fleet, const Surroundings& around, const Pose2& map_from_base,
                std::vector<bool>& found, Agreement& result) {
-  for (const Glimpse& seen : around.robot->sight) {
+  for (const Glimpse& seen : around.robot->sight_aid.glimpses) {
     if (!seen.mature) continue;
     bool known = false;
     for (std::size_t i = 0; i < found.size() && !known; ++i) {
@@ -98,7 +98,7 @@ void addMutual(const FleetState& fleet, const Surroundings& around, std::vector<
 
 void addConstellations(const Surroundings& around, std::vector<Hypothesis>& hypotheses) {
   std::vector<Footprint> seen;
-  for (const Glimpse& s : around.robot->sight) {
+  for (const Glimpse& s : around.robot->sight_aid.glimpses) {
     if (s.mature) seen.push_back(s.footprint);
   }
   for (std::size_t i = 0; i < seen.size(); ++i) {
@@ -136,8 +136,8 @@ std::vector<Anchor> anchorsFor(const FleetState& fleet, const RobotNode& robot) 
         {fleet.centre(landmark), height_m, width_m - height_m * width_by_height, nullptr, 0.0, sure});
   }
   for (const RobotNode& other : fleet.robots) {
-    const auto at = fleet.poseAt(other, robot.sight_ns);
-    if (&other == &robot || !at || other.displaced || other.body->reach() <= 0) continue;
+    const auto at = fleet.poseAt(other, robot.sight_aid.time_ns);
+    if (&other == &robot || !at || other.doubt.displaced || other.body->reach() <= 0) continue;
     all.push_back({at->map_from_base.translation(), other.body->height(), other.body->reach(), &other,
                    at->map_from_base.theta_rad, true});
   }
@@ -150,8 +150,11 @@ Surroundings Surroundings::of(const FleetState& fleet, const RobotNode& robot) {
   Surroundings around{&robot, anchorsFor(fleet, robot), {}};
   const Pose2 base_from_map = fleet.pose(robot.window.back().pose).inverse();
   for (const RobotNode& other : fleet.robots) {
-    if (&other == &robot || !other.located() || robot.sight_ns - other.sight_ns > kLately_ns) continue;
-    const auto there = fleet.poseAt(other, other.sight_ns), own = fleet.poseAt(robot, other.sight_ns);
+    if (&other == &robot || !other.located() ||
+        robot.sight_aid.time_ns - other.sight_aid.time_ns > kLately_ns)
+      continue;
+    const auto there = fleet.poseAt(other, other.sight_aid.time_ns),
+               own = fleet.poseAt(robot, other.sight_aid.time_ns);
     if (there && own)
       around.others.push_back({&other, there->map_from_base, base_from_map * own->map_from_base});
   }
@@ -173,7 +176,7 @@ Agreement agreementAt(const FleetState& fleet, const Surroundings& around, const
   for (const Company& other : around.others) {
     const Pose2 there = other.map_from_base.inverse() * map_from_base * other.way;
     if (around.robot->body->reach() <= 0 || !inPlainSight(*other.robot, there.translation())) continue;
-    const auto& sight = other.robot->sight;
+    const auto& sight = other.robot->sight_aid.glimpses;
     const bool seen = std::any_of(sight.begin(), sight.end(),
                                   [&](const Glimpse& s) { return isBody(fleet, s, *around.robot, there); });
     result.matches += seen ? 1 : 0;
@@ -201,7 +204,7 @@ std::vector<Hypothesis> otherPlaces(const FleetState& fleet, const Surroundings&
 
 std::vector<Eigen::Vector2d> bodies(const FleetState& fleet, const RobotNode& observer, const Body& body) {
   std::vector<Eigen::Vector2d> all;
-  for (const Glimpse& s : observer.sight) {
+  for (const Glimpse& s : observer.sight_aid.glimpses) {
     const BodyFit fit = fitBody(*s.view, body, 0.0, s.position_m);
     if (fit.rms_m < kBodyShare * fleet.options.sighting_rms_m) all.push_back(fit.position_m);
   }

@@ -56,7 +56,7 @@ struct Sighting {
 bool isMutual(const FleetState& fleet, const Sighting& sighting) {
   constexpr double kSame_m = 0.05, kApart = 0.5;
   constexpr TimeNs kLately_ns = 300000000;
-  if (sighting.time_ns - sighting.peer.sight_ns > kLately_ns) return false;
+  if (sighting.time_ns - sighting.peer.sight_aid.time_ns > kLately_ns) return false;
   const double away_m = sighting.seen_m.norm();
   const auto seen = bodies(fleet, sighting.peer, *sighting.observer.body);
   return std::any_of(seen.begin(), seen.end(), [&](const Eigen::Vector2d& p) {
@@ -70,15 +70,15 @@ bool isMutual(const FleetState& fleet, const Sighting& sighting) {
 bool isPeer(const FleetState& fleet, RobotNode& observer, std::uint32_t track, const Sighting& sighting,
             double beside_m) {
   constexpr double kWay_m = 0.25, kShare = 0.3;
-  const auto before = observer.object_of_track.find(track);
-  if (before != observer.object_of_track.end() && before->second.landmark == 0)
+  const auto before = observer.track_aid.known.find(track);
+  if (before != observer.track_aid.known.end() && before->second.landmark == 0)
     return before->second.robot == sighting.peer_index;
   const auto key = std::pair(track, sighting.peer_index);
   const Eigen::Vector2d place_m = sighting.place_m(), said_m = sighting.map_from_peer.translation();
-  auto suspect = observer.suspects.find(key);
-  if (suspect == observer.suspects.end()) {
+  auto suspect = observer.track_aid.suspects.find(key);
+  if (suspect == observer.track_aid.suspects.end()) {
     if (beside_m < fleet.options.sighting_gate_m) return true;
-    suspect = observer.suspects.insert({key, {place_m, said_m}}).first;
+    suspect = observer.track_aid.suspects.insert({key, {place_m, said_m}}).first;
   }
   const Eigen::Vector2d way_m = said_m - suspect->second.said_m;
   const bool goes =
@@ -160,7 +160,7 @@ void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, st
   for (std::size_t r = 0; r < fleet.robots.size(); ++r) {
     RobotNode& peer = fleet.robots[r];
     const auto known = fleet.poseAt(peer, frame.acquired_ns);
-    if (&peer == &observer || !known || peer.displaced || peer.body->reach() <= 0) continue;
+    if (&peer == &observer || !known || peer.doubt.displaced || peer.body->reach() <= 0) continue;
     at[r] = *known;
     const Pose2 base_from_peer = base_from_map * known->map_from_base;
     const double gate =
@@ -184,7 +184,7 @@ void matchPeers(FleetState& fleet, RobotNode& observer, const Objects& frame, st
     taken[c.other] = true;
     seen[c.seen].peer = &fleet.robots[c.other];
     seen[c.seen].peer_at = at[c.other];
-    observer.object_of_track[seen[c.seen].track->id] = {0, c.other};
+    observer.track_aid.known[seen[c.seen].track->id] = {0, c.other};
   }
 }
 
@@ -223,8 +223,9 @@ bool isDisplaced(const FleetState& fleet, const RobotNode& robot, const std::vec
   const Eigen::Vector2d here = fleet.pose(robot.window.back().pose).translation();
   const auto missing = std::count_if(fleet.landmarks.begin(), fleet.landmarks.end(), [&](const auto& entry) {
     const auto mine = entry.second.observers.find(robot.setup.name);
-    return mine != entry.second.observers.end() && robot.seeing_ns - mine->second.seen_ns < kRecent_ns &&
-           found.count(entry.first) == 0 && (fleet.centre(entry.second) - here).norm() < kNear_m;
+    return mine != entry.second.observers.end() &&
+           robot.doubt.seeing_ns - mine->second.seen_ns < kRecent_ns && found.count(entry.first) == 0 &&
+           (fleet.centre(entry.second) - here).norm() < kNear_m;
   });
   return strange >= 2 && missing >= 2 && strange >= 2 * familiar;
 }

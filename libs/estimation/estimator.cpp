@@ -70,6 +70,7 @@ void FleetEstimator::Impl::refine() {
     }
     noteFits(fleet, robot);
     learnAppearance(robot);
+    if (robot.unrefined && robot.located()) robot.floor.learn(fleet, robot);
   }
   whole_ = false;
   fleet.updateShapes();
@@ -92,17 +93,17 @@ void FleetEstimator::Impl::learnAppearance(RobotNode& robot) {
   const bool by_scans = to.scan.factor != kNoFactor && from.scan.factor != kNoFactor;
   const Pose2 moved = fleet.pose(from.pose).inverse() * fleet.pose(to.pose);
   if (by_scans && to.difference > 0)
-    robot.difference_scale.add(moved.translation().norm(), to.difference, wrapAngle(moved.theta_rad));
+    robot.appearance_aid.length.add(moved.translation().norm(), to.difference, wrapAngle(moved.theta_rad));
   if (!to.compass) return;
   const auto variance = [](const ScanLink& link) {
     return link.information(2, 2) > 0 ? 1.0 / link.information(2, 2) : M_PI * M_PI;
   };
   if (by_scans) {
-    robot.compass_quality.add(wrapAngle(to.compass->turn_rad - moved.theta_rad), to.compass->sigma_rad,
-                              {std::sqrt(variance(from.scan) + variance(to.scan)), false});
+    robot.appearance_aid.compass.add(wrapAngle(to.compass->turn_rad - moved.theta_rad), to.compass->sigma_rad,
+                                     {std::sqrt(variance(from.scan) + variance(to.scan)), false});
   } else if (to.wheels && !to.wheels_rejected) {
-    robot.compass_quality.add(wrapAngle(to.compass->turn_rad - to.previous_from_current.theta_rad),
-                              to.compass->sigma_rad, {std::sqrt(to.motion_covariance(2, 2)), true});
+    robot.appearance_aid.compass.add(wrapAngle(to.compass->turn_rad - to.previous_from_current.theta_rad),
+                                     to.compass->sigma_rad, {std::sqrt(to.motion_covariance(2, 2)), true});
   }
 }
 
@@ -111,8 +112,8 @@ void FleetEstimator::Impl::followPaths(double moved_m, double moved_rad) {
   if (fleet.keyframes.revision() == followed_) return;
   followed_ = fleet.keyframes.revision();
   for (RobotNode& robot : fleet.robots) {
-    robot.path.follow(fleet.keyframes, moved_m, moved_rad, fleet.revised);
-    robot.places.follow(fleet.keyframes, moved_m, moved_rad);
+    robot.place_aid.path.follow(fleet.keyframes, moved_m, moved_rad, fleet.revised);
+    robot.place_aid.memory.follow(fleet.keyframes, moved_m, moved_rad);
   }
 }
 
@@ -134,9 +135,9 @@ void FleetEstimator::Impl::condense() {
   std::vector<VariableId> kept;
   std::vector<FactorId> without;
   for (const RobotNode& robot : fleet.robots) {
-    kept.push_back(robot.wheels);
+    kept.push_back(robot.wheel_aid.model);
     if (robot.detector != 0) kept.push_back(robot.detector);
-    if (robot.camera != 0) kept.push_back(robot.camera);
+    if (robot.camera_aid.error != 0) kept.push_back(robot.camera_aid.error);
     if (robot.size != 0) kept.push_back(robot.size);
     if (!robot.located()) continue;
     kept.push_back(robot.window.back().pose);
@@ -161,15 +162,15 @@ std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>&
     RobotNode& robot = *frame.robot;
     // Lost by its landmarks a robot has no pose; by its scan it has one whose covariance says so.
     estimate.valid = frame.fresh && robot.located() && robot.status.state != RobotState::kLost &&
-                     robot.monitor.state() != LocalizationState::kLost;
-    estimate.state = robot.monitor.state();
-    estimate.event = robot.event;
-    estimate.correction_sigmas = robot.correction_sigmas;
+                     robot.localization_aid.monitor.state() != LocalizationState::kLost;
+    estimate.state = robot.localization_aid.monitor.state();
+    estimate.event = robot.localization_aid.event;
+    estimate.correction_sigmas = robot.localization_aid.correction_sigmas;
     if (estimate.valid) {
       estimate.map_from_base = fleet.pose(robot.window.back().pose);
       estimate.covariance = robot.covariance;
       estimate.datum = fleet.map_frame.datum;
-      estimate.camera_error = robot.published_camera_error;
+      estimate.camera_error = robot.camera_aid.published;
       estimate.covariance += suspectedMove(robot);
       for (const Seen& seen : frame.seen) {
         if (seen.peer != nullptr) estimate.sightings.push_back({seen.track->id, seen.peer->setup.name});
@@ -193,7 +194,7 @@ std::vector<PoseEstimate> FleetEstimator::Impl::smoothed() const {
       estimate.map_from_base = fleet.pose(step.pose);
       estimate.covariance = robot.covariance;
       estimate.datum = fleet.map_frame.datum;
-      estimate.camera_error = robot.published_camera_error;
+      estimate.camera_error = robot.camera_aid.published;
       all.push_back(std::move(estimate));
     }
   }
@@ -273,7 +274,7 @@ const KeyframeMap& FleetEstimator::keyframes() const {
 
 std::vector<const PlaceMemory*> FleetEstimator::placeMemories() const {
   std::vector<const PlaceMemory*> memories;
-  for (const RobotNode& robot : impl_->fleet.robots) memories.push_back(&robot.places);
+  for (const RobotNode& robot : impl_->fleet.robots) memories.push_back(&robot.place_aid.memory);
   return memories;
 }
 
@@ -288,8 +289,8 @@ void FleetEstimator::allowSightings(const std::string& robot, bool allow) {
 std::vector<Place> FleetEstimator::takePlaces() {
   std::vector<Place> changed;
   for (RobotNode& robot : impl_->fleet.robots)
-    for (const std::uint32_t index : robot.places.takeChanged())
-      changed.push_back(robot.places.places()[index]);
+    for (const std::uint32_t index : robot.place_aid.memory.takeChanged())
+      changed.push_back(robot.place_aid.memory.places()[index]);
   return changed;
 }
 
@@ -311,7 +312,7 @@ std::vector<PointEstimate> FleetEstimator::points() const {
 }
 
 WheelModel FleetEstimator::wheelModel(const std::string& robot) const {
-  return impl_->fleet.graph.value(impl_->node(robot).wheels);
+  return impl_->fleet.graph.value(impl_->node(robot).wheel_aid.model);
 }
 
 DetectorModel FleetEstimator::detectorModel(const std::string& robot) const {
@@ -330,7 +331,7 @@ CameraError FleetEstimator::cameraError(const std::string& robot) const {
 }
 
 CameraCovariance FleetEstimator::cameraCovariance(const std::string& robot) const {
-  return impl_->node(robot).camera_covariance;
+  return impl_->node(robot).camera_aid.covariance;
 }
 
 const RobotStatus& FleetEstimator::status(const std::string& robot) const {

@@ -17,6 +17,7 @@
 #include "estimation/appearance_motion.h"
 #include "estimation/camera_error.h"
 #include "estimation/detector_model.h"
+#include "estimation/floor_source.h"
 #include "estimation/keyframe_map.h"
 #include "estimation/loop_check.h"
 #include "estimation/map_alignment.h"
@@ -82,6 +83,7 @@ struct EstimatorOptions {
   KeyframeOptions keyframes;
   ScanSourceOptions scan;
   OdometryQualityOptions odometry;
+  FloorSourceOptions floor;
   AppearanceOptions appearance;
   RelocalizerOptions relocalizer;
   PlaceRecognitionOptions places;

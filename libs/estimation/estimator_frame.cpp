@@ -40,8 +40,8 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
   for (Frame& frame : frames) {
     if (!frame.fresh) continue;
     RobotNode& robot = *frame.robot;
-    robot.measured = false;
-    robot.fix.reset();
+    robot.absolute_aid.accepted = false;
+    robot.absolute_aid.fix.reset();
     if (robot.located()) {
       if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
       frame.after_gap = isAfterGap(robot, frame.objects->acquired_ns);
@@ -51,7 +51,7 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
       frame.predicted = fleet.pose(step.pose);
       frame.predicted_covariance =
           composeCovariance(before, step.previous_from_current, step.motion_covariance);
-      ++robot.unobserved;
+      ++robot.track_aid.unobserved;
     } else if (!robot.started && robot.setup.initial_pose) {
       placeInitially(robot, *frame.objects);
     }
@@ -75,8 +75,9 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
 /// Scans and views are matched from where absolute measurements put the new frame.
 void FleetEstimator::Impl::startAtFix(const Frame& frame) {
   const RobotNode& robot = *frame.robot;
-  if (!robot.fix || !frame.predicted || robot.window.back().motion == kNoFactor) return;
-  const AbsoluteFix start = AbsoluteFix::fuse({*frame.predicted, frame.predicted_covariance}, *robot.fix);
+  if (!robot.absolute_aid.fix || !frame.predicted || robot.window.back().motion == kNoFactor) return;
+  const AbsoluteFix start =
+      AbsoluteFix::fuse({*frame.predicted, frame.predicted_covariance}, *robot.absolute_aid.fix);
   Eigen::VectorXd& value = fleet.graph.value(robot.window.back().pose);
   value.head<2>() = start.map_from_base.translation();
   value(2) += wrapAngle(start.map_from_base.theta_rad - value(2));
@@ -88,9 +89,10 @@ void FleetEstimator::Impl::placeInitially(RobotNode& robot, const Objects& frame
   const double m = fleet.options.initial_sigma_m, rad = fleet.options.initial_sigma_rad;
   Eigen::Matrix3d covariance = Eigen::Vector3d(m * m, m * m, rad * rad).asDiagonal();
   WheelLog::Motion way;
-  if (robot.log && !robot.log->empty() &&
-      robot.log->between(robot.log->firstTime(), frame.acquired_ns, robot.setup.body.wheel_separation_m,
-                         fleet.graph.value(robot.wheels), robot.delay_sigma_s, way)) {
+  if (robot.wheel_aid.log && !robot.wheel_aid.log->empty() &&
+      robot.wheel_aid.log->between(
+          robot.wheel_aid.log->firstTime(), frame.acquired_ns, robot.setup.body.wheel_separation_m,
+          fleet.graph.value(robot.wheel_aid.model), robot.wheel_aid.delay_sigma_s, way)) {
     covariance = composeCovariance(covariance, way.previous_from_current, way.covariance);
     map_from_base = map_from_base * way.previous_from_current;
   }
@@ -117,8 +119,8 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
   for (Frame& frame : frames) {
     if (!frame.isPlaced()) continue;
     followUnseen(fleet, *frame.robot, frame.follows());
-    frame.robot->unsettled_m += frame.robot->window.back().rolled_m;
-    frame.robot->unsettled_rad += frame.robot->window.back().rolled_rad;
+    frame.robot->doubt.unsettled_m += frame.robot->window.back().rolled_m;
+    frame.robot->doubt.unsettled_rad += frame.robot->window.back().rolled_rad;
   }
   for (Frame& frame : frames) {
     if (!frame.isPlaced() || frame.robot->scan_aid.suffices) continue;
@@ -129,7 +131,7 @@ void FleetEstimator::Impl::associate(std::vector<Frame>& frames) {
     if (!frame.isPlaced()) continue;
     associateOne(frame);
     const bool by_scan = frame.robot->scan_aid.suffices;
-    if (by_scan) frame.robot->displaced = frame.robot->adrift = false;
+    if (by_scan) frame.robot->doubt.displaced = frame.robot->doubt.adrift = false;
     if (frame.sees() && !by_scan) noticeLoss(fleet, frame);
     if (fleet.options.use_landmarks && !by_scan) foundLandmarks(fleet, *frame.robot, frame.seen);
     addViews(fleet, *frame.robot, frame.seen);
@@ -157,7 +159,7 @@ void FleetEstimator::Impl::reweight(RobotNode& robot, Step& step) {
                               fleet.graph.value(link.camera).data(), fleet.graph.value(link.size).data()};
     link.rms_m = link.cost->reweight(values);
     // Where the pose is in doubt all views misfit, and they are right.
-    if ((isConfirmed(robot.start) || link.weighed) && !robot.unseen && robot.unsure == 0)
+    if ((isConfirmed(robot.start) || link.weighed) && !robot.doubt.unseen && robot.doubt.unsure == 0)
       link.cost->discount();
   }
 }
@@ -192,13 +194,13 @@ void FleetEstimator::Impl::checkSteps(std::vector<Frame>& frames) {
   bool any = false;
   for (Frame& frame : frames) {
     RobotNode& robot = *frame.robot;
-    if (!frame.fresh || frame.slipped || !robot.located()) continue;
+    if (!frame.fresh || frame.slipped || frame.floor_rejected || !robot.located()) continue;
     Step& step = robot.window.back();
-    if (!step.wheels || step.motion == kNoFactor || frame.placed_anew) continue;
+    if (!step.isMeasured() || step.motion == kNoFactor || frame.placed_anew) continue;
     if (fleet.graph.squaredNorm(step.motion) <= fleet.options.gate_chi2) continue;
     const double inflation = std::max(kSlipInflation, fleet.graph.squaredNorm(step.motion));
     fleet.loosen(robot, inflation * step.motion_covariance);
-    reportSlip(frame);
+    rejectStep(frame);
     any = true;
   }
   if (any) solveNewest(frames);
@@ -220,15 +222,15 @@ double FleetEstimator::Impl::solvedMisfit(RobotNode& robot, std::vector<Frame>& 
 /// it.
 void FleetEstimator::Impl::doubtStep(Frame& frame, std::vector<Frame>& frames) {
   RobotNode& robot = *frame.robot;
-  if (!frame.fresh || frame.slipped || frame.placed_anew || !robot.located()) return;
+  if (!frame.fresh || frame.slipped || frame.floor_rejected || frame.placed_anew || !robot.located()) return;
   const Step& step = robot.window.back();
-  if (!step.wheels || step.motion == kNoFactor) return;
+  if (!step.isMeasured() || step.motion == kNoFactor) return;
   const double misfit_m = solvedMisfit(robot, frames);
   if (misfit_m < kFits_m) return;
   const Eigen::Matrix3d given = step.motion_covariance;
   fleet.loosen(robot, given + slipCovariance());
   if (solvedMisfit(robot, frames) < kMuchBetter * misfit_m) {
-    reportSlip(frame);
+    rejectStep(frame);
     return;
   }
   fleet.loosen(robot, given);

@@ -13,6 +13,7 @@
 
 namespace omnifleet::estimation {
 namespace {
+constexpr double kFloorCauchy = 2.0;  // σ at which a motion by the floor counts half beside wheels
 constexpr double kSecond_ns = 1e9;
 constexpr double kTurnSigma_rad = 0.2;           // of a landmark's frame: free, but held where it is round
 constexpr double kSizeSigma = 0.1;               // 1, of a landmark's size: as free
@@ -45,16 +46,17 @@ FleetState::FleetState(std::vector<RobotSetup> setups, const EstimatorOptions& o
     RobotNode robot;
     robot.body = std::make_shared<const Body>(setup.body);
     robot.setup = std::move(setup);
-    robot.relocalizer.emplace(options.relocalizer, options.match);
+    robot.localization_aid.relocalizer.emplace(options.relocalizer, options.match);
     robot.scan_aid.odometry = OdometryQuality(options.odometry);
-    robot.difference_scale = DifferenceScale(options.appearance);
-    robot.compass_quality = CompassQuality(options.appearance.quality);
-    robot.published_camera_error = robot.setup.camera_error;
-    robot.camera_covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
-    robot.wheels = graph.addVariable(WheelModel::Zero());
+    robot.floor = FloorSource(options.floor);
+    robot.appearance_aid.length = DifferenceScale(options.appearance);
+    robot.appearance_aid.compass = CompassQuality(options.appearance.quality);
+    robot.camera_aid.published = robot.setup.camera_error;
+    robot.camera_aid.covariance = options.camera.sigma().cwiseAbs2().asDiagonal();
+    robot.wheel_aid.model = graph.addVariable(WheelModel::Zero());
     // Turn and delay are nobody's unless the estimator itself integrates the wheels (addWheels).
     const WheelModel sigma(options.wheel_bias_sigma, options.wheel_bias_sigma, 1e-3, 1e-3, 1e-3);
-    robot.wheels_prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheels});
+    robot.wheel_aid.prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheel_aid.model});
     robot.status.message = notLocalizedYet();
     robots.push_back(std::move(robot));
   }
@@ -71,21 +73,22 @@ const RobotNode* FleetState::find(const std::string& name) const {
 }
 
 void FleetState::addWheels(RobotNode& robot, TimeNs time_ns, double left_mps, double right_mps) {
-  if (!robot.log) {
+  if (!robot.wheel_aid.log) {
     const WheelLogOptions& o = options.wheel_log;
-    robot.log.emplace(o);
-    robot.delay_sigma_s = o.delay_sigma_s;
-    graph.removeFactor(robot.wheels_prior);
+    robot.wheel_aid.log.emplace(o);
+    robot.wheel_aid.delay_sigma_s = o.delay_sigma_s;
+    graph.removeFactor(robot.wheel_aid.prior);
     const WheelModel sigma(o.scale_sigma, o.scale_sigma, o.turn_sigma, o.delay_sigma_s, o.crab_sigma_rad);
-    robot.wheels_prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheels});
+    robot.wheel_aid.prior = graph.addFactor(priorFactor(WheelModel::Zero(), sigma), {robot.wheel_aid.model});
   }
-  robot.log->add(time_ns, left_mps, right_mps);
+  robot.wheel_aid.log->add(time_ns, left_mps, right_mps);
 }
 
 void FleetState::forgetWheels() {
   constexpr TimeNs kLargestDelay_ns = 3000000000;
   for (RobotNode& robot : robots) {
-    if (robot.log && robot.started) robot.log->forgetBefore(robot.last_frame_ns - kLargestDelay_ns);
+    if (robot.wheel_aid.log && robot.started)
+      robot.wheel_aid.log->forgetBefore(robot.last_frame_ns - kLargestDelay_ns);
   }
 }
 
@@ -103,17 +106,19 @@ VariableId FleetState::detector(RobotNode& robot) {
 }
 
 VariableId FleetState::camera(RobotNode& robot) {
-  if (robot.camera != 0) return robot.camera;
+  if (robot.camera_aid.error != 0) return robot.camera_aid.error;
   CameraError found = CameraError::Zero();
   found.head<4>() = robot.setup.camera_error;
-  robot.camera = graph.addVariable(found);
+  robot.camera_aid.error = graph.addVariable(found);
   constexpr double kNothing = 1e9;  // σ of what a prior says nothing about
   CameraError all = options.camera.sigma(), height = CameraError::Constant(kNothing);
   std::swap(all(CameraOptions::kHeight), height(CameraOptions::kHeight));
-  graph.addFactor(priorFactor(CameraError::Zero(), all), {robot.camera});
-  graph.addFactor(priorFactor(CameraError::Zero(), height), {robot.camera}, CameraOptions::kHeightLoss);
-  if (options.camera.estimate && !found.isZero()) graph.addFactor(priorFactor(found, kFound), {robot.camera});
-  return robot.camera;
+  graph.addFactor(priorFactor(CameraError::Zero(), all), {robot.camera_aid.error});
+  graph.addFactor(priorFactor(CameraError::Zero(), height), {robot.camera_aid.error},
+                  CameraOptions::kHeightLoss);
+  if (options.camera.estimate && !found.isZero())
+    graph.addFactor(priorFactor(found, kFound), {robot.camera_aid.error});
+  return robot.camera_aid.error;
 }
 
 VariableId FleetState::size(RobotNode& robot) {
@@ -124,7 +129,7 @@ VariableId FleetState::size(RobotNode& robot) {
 }
 
 CameraError FleetState::cameraError(const RobotNode& robot) const {
-  return robot.camera == 0 ? CameraError::Zero() : CameraError(graph.value(robot.camera));
+  return robot.camera_aid.error == 0 ? CameraError::Zero() : CameraError(graph.value(robot.camera_aid.error));
 }
 
 Step& FleetState::newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame) {
@@ -147,7 +152,7 @@ Step& FleetState::newStep(RobotNode& robot, Step step, const Pose2& map_from_bas
 void FleetState::advance(RobotNode& robot, const Objects& frame) {
   Step step = predictStep(robot, frame);
   const VariableId previous = robot.window.back().pose;
-  const Eigen::Vector3d increment = step.by_model * (graph.value(robot.wheels) - step.model);
+  const Eigen::Vector3d increment = step.by_model * (graph.value(robot.wheel_aid.model) - step.model);
   const Pose2 measured = step.previous_from_current;
   step.measured = measured;
   step.previous_from_current = measured * Pose2{increment.x(), increment.y(), increment.z()};
@@ -163,7 +168,13 @@ void FleetState::advance(RobotNode& robot, const Objects& frame) {
   Eigen::VectorXd& value = graph.value(added.pose);
   value(2) = graph.value(previous)(2) + added.previous_from_current.theta_rad;
   added.motion = graph.addFactor(motionFactor(measured, added.motion_covariance, added.by_model, added.model),
-                                 {previous, added.pose, robot.wheels});
+                                 {previous, added.pose, robot.wheel_aid.model});
+  if (added.wheels && !added.wheels_rejected && added.floor && robot.floor.isConfirmed()) {
+    const Eigen::Matrix3d of_floor =
+        robot.floor.quality().scaled(added.floor->covariance) + 2.0 * robot.floor.quality().jitter();
+    graph.addFactor(relativePoseFactor(added.floor->previous_from_current, of_floor), {previous, added.pose},
+                    kFloorCauchy);
+  }
   const Appearance& seen = frame.appearance;
   if (seen.since_ns == since_ns) added.difference = seen.difference;
   if (hasTurn(seen, since_ns, options.appearance))
@@ -171,7 +182,7 @@ void FleetState::advance(RobotNode& robot, const Objects& frame) {
   // Without wheels the turn of the compass is in the motion already.
   if (!added.wheels || !options.appearance.with_wheels || !added.compass) return;
   constexpr double kOpen_m2 = 1e6;  // a compass says nothing about places
-  const double sigma_rad = robot.compass_quality.scale() * added.compass->sigma_rad;
+  const double sigma_rad = robot.appearance_aid.compass.scale() * added.compass->sigma_rad;
   const Eigen::Matrix3d of_turn = Eigen::Vector3d(kOpen_m2, kOpen_m2, sigma_rad * sigma_rad).asDiagonal();
   graph.addFactor(relativePoseFactor({0.0, 0.0, added.compass->turn_rad}, of_turn), {previous, added.pose},
                   options.appearance.robust_sigmas);
@@ -181,9 +192,9 @@ void FleetState::place(RobotNode& robot, const Objects& frame, const Pose2& map_
   robot.window.clear();
   robot.last_key_ns = 0;
   robot.scout.reset();
-  robot.refusals = 0;
-  robot.unobserved = 0;
-  robot.refused.clear();
+  robot.absolute_aid.refusals = 0;
+  robot.track_aid.unobserved = 0;
+  robot.absolute_aid.refused.clear();
   ScanSource::forget(robot);
   newStep(robot, predictStep(robot, frame), map_from_base, frame);
   robot.status.state = RobotState::kOk;
@@ -198,10 +209,10 @@ void FleetState::release(RobotNode& robot) {
     gone.push_back(step.pose);
   }
   robot.window.clear();
-  robot.object_of_track.clear();
-  robot.suspects.clear();
-  robot.disagreements = 0;
-  robot.displaced = false;
+  robot.track_aid.known.clear();
+  robot.track_aid.suspects.clear();
+  robot.absolute_aid.disagreements = 0;
+  robot.doubt.displaced = false;
   if (!gone.empty()) graph.marginalise(gone);
 }
 
@@ -227,8 +238,9 @@ std::optional<PoseAt> FleetState::poseAt(const RobotNode& robot, TimeNs time_ns)
 Eigen::Vector3d FleetState::twistAt(const RobotNode& robot, TimeNs time_ns) const {
   constexpr TimeNs kSpan_ns = 200000000;
   WheelLog::Motion motion;
-  if (robot.log && robot.log->between(time_ns - kSpan_ns, time_ns, robot.setup.body.wheel_separation_m,
-                                      graph.value(robot.wheels), 0.0, motion))
+  if (robot.wheel_aid.log &&
+      robot.wheel_aid.log->between(time_ns - kSpan_ns, time_ns, robot.setup.body.wheel_separation_m,
+                                   graph.value(robot.wheel_aid.model), 0.0, motion))
     return motion.previous_from_current.vector() * (kSecond_ns / static_cast<double>(kSpan_ns));
   if (!robot.located()) return Eigen::Vector3d::Zero();
   const auto at = std::find_if(robot.window.begin(), std::prev(robot.window.end()),
@@ -270,8 +282,8 @@ void FleetState::removeLandmark(std::uint32_t id) {
       }
       step.views.erase(std::remove_if(step.views.begin(), step.views.end(), of_it), step.views.end());
     }
-    for (auto at = robot.object_of_track.begin(); at != robot.object_of_track.end();) {
-      at = at->second.landmark == id ? robot.object_of_track.erase(at) : std::next(at);
+    for (auto at = robot.track_aid.known.begin(); at != robot.track_aid.known.end();) {
+      at = at->second.landmark == id ? robot.track_aid.known.erase(at) : std::next(at);
     }
   }
   graph.marginalise({variable, size});
@@ -380,7 +392,7 @@ void FleetState::loosen(RobotNode& robot, std::size_t at, const Eigen::Matrix3d&
   graph.removeFactor(step.motion);
   step.motion_covariance = covariance;
   step.motion = graph.addFactor(motionFactor(step.measured, covariance, step.by_model, step.model),
-                                {robot.window[at - 1].pose, step.pose, robot.wheels});
+                                {robot.window[at - 1].pose, step.pose, robot.wheel_aid.model});
 }
 
 void FleetState::disbelieveWheels(RobotNode& robot) {

@@ -12,6 +12,7 @@
 
 #include "estimation/appearance_motion.h"
 #include "estimation/estimator.h"
+#include "estimation/floor_source.h"
 #include "estimation/graph.h"
 #include "estimation/landmark.h"
 #include "estimation/localization_monitor.h"
@@ -61,8 +62,10 @@ struct Step {
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
-  bool by_appearance = false;          ///< without wheels: only the images measure turn and length
-  double difference = 0.0;             ///< of the signatures since the frame before; 0: not known
+  bool by_floor = false;           ///< motion by the texture of the floor, which other sources have confirmed
+  std::optional<FloorStep> floor;  ///< what the texture of the floor says of it
+  bool by_appearance = false;      ///< without wheels: only the images measure turn and length
+  double difference = 0.0;         ///< of the signatures since the frame before; 0: not known
   std::optional<CompassTurn> compass;  ///< since the frame before
   bool wheels_rejected = false;        ///< the wheels measured another one, which the observations contradict
   double rolled_m = 0.0, rolled_rad = 0.0;  ///< way and turn if one wheel alone had rolled as both have
@@ -72,6 +75,11 @@ struct Step {
   std::shared_ptr<const Appearance> appearance;  ///< of a frame that becomes a place
   std::vector<ViewLink> views;
   ScanLink scan;
+
+  /// Wheels or floor have measured its motion.
+  bool isMeasured() const { return wheels || by_floor; }
+  /// … and nothing has contradicted them.
+  bool hasOdometry() const { return (wheels && !wheels_rejected) || by_floor; }
 };
 
 /// What a track was taken for the last time.
@@ -176,70 +184,121 @@ struct ClosingLink {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  ///< of the match, right perturbation
 };
 
-struct RobotNode {
-  RobotSetup setup;
-  std::shared_ptr<const Body> body;
-  VariableId wheels = 0;    ///< WheelModel
-  VariableId detector = 0;  ///< DetectorModel; 0 until it has measured a range and bearing
-  VariableId camera = 0;    ///< CameraError; 0 until it has seen something
-  VariableId size = 0;      ///< of its body against what it is said to be; 0 until it has been seen
-  FactorId wheels_prior = kNoFactor;
-  WheelTrial wheel_trial;
+/// What the wheels have shown of one robot.
+struct WheelAid {
+  VariableId model = 0;  ///< WheelModel
+  FactorId prior = kNoFactor;
+  WheelTrial trial;
   Wiring wiring = Wiring::kAsConfigured;  ///< its last verdict; other wheels count for nothing
   std::optional<WheelLog> log;
   double delay_sigma_s = 0.0;  ///< of the log's delay, after the last solve
-  std::deque<Step> window;     ///< empty while unlocated
-  TimeNs last_frame_ns = 0;
-  ScanAid scan_aid;
-  DifferenceScale difference_scale;
-  CompassQuality compass_quality;
-  PlaceMemory places;
+};
+
+/// Calibration of one robot's camera.
+struct CameraAid {
+  VariableId error = 0;                                        ///< CameraError; 0 until it has seen something
+  CameraCovariance covariance = CameraCovariance::Identity();  ///< of that error
+  Eigen::Vector4d published = Eigen::Vector4d::Zero();         ///< the error, as published
+  CameraFinding::Quantities accused;                           ///< what has been reported to be wrong with it
+  std::array<int, 4> doubts{};  ///< keyframes in a row in which it seemed wrong, by quantity
+  double said = 0.0;            ///< sum of the variances of the last report
+};
+
+/// What the images of one robot tell of its motion.
+struct AppearanceAid {
+  DifferenceScale length;
+  CompassQuality compass;
+};
+
+/// Places and path of one robot: what has been published, and what will be.
+struct PlaceAid {
+  PlaceMemory memory;
   std::optional<ClosingLink> closing;
-  TimeNs confirmed_ns = 0;  ///< of the newest frame at which something confirmed the pose
   /// Covariance of the motion since the newest place, right perturbation.
-  Eigen::Matrix3d way_since_place = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d way = Eigen::Matrix3d::Zero();
   PathMemory path;  ///< of the frames that have left the window
+};
+
+/// Localization state of one robot. Written by localization.cpp; joining.cpp takes it over as a whole.
+struct LocalizationAid {
   LocalizationMonitor monitor;
   std::optional<Relocalizer> relocalizer;
-  std::optional<AbsoluteFix> fix;      ///< of its newest frame
-  bool measured = false;               ///< since its last frame an absolute measurement has been accepted
+  TimeNs confirmed_ns = 0;             ///< of the newest frame at which something confirmed the pose
   PoseEvent event = PoseEvent::kNone;  ///< of the newest frame
   double correction_sigmas = 0.0;      ///< of that event
-  bool unrefined = false;              ///< its newest frame is not in the last whole solve
-  bool started = false;                ///< a frame has come
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
-  CameraCovariance camera_covariance = CameraCovariance::Identity();  ///< of its camera's error
-  Eigen::Vector4d published_camera_error = Eigen::Vector4d::Zero();   ///< of the camera, as published
-  CameraFinding::Quantities camera_accused;  ///< what has been reported to be wrong with it
-  std::array<int, 4> camera_doubts{};        ///< keyframes in a row in which it seemed wrong, by quantity
-  double camera_said = 0.0;                  ///< sum of the variances of the last report
-  Pose2 last_key;
-  TimeNs last_key_ns = 0;
-  int disagreements = 0;          ///< absolute measurements in a row that the gate refused
-  int refusals = 0;               ///< ranges and bearings in a row that the gate refused
-  std::set<std::string> refused;  ///< of which things
-  std::optional<Scout> scout;     ///< while unlocated
-  bool sightings_locate = true;   ///< mutual sightings may locate it
-  Start start;
-  TimeNs sight_ns = 0;  ///< of what it saw last
-  std::vector<Glimpse> sight;
-  Scan scan;                  ///< of that frame: how far floor is seen
-  double farthest_m = 0.0;    ///< of the silhouettes' positions so far: so far does it see for sure
-  bool familiar = false;      ///< it saw something that it knew, before it saw nothing
-  bool displaced = false;     ///< it sees nothing of what should be there, …
-  bool adrift = false;        ///< … or merely its heading may have been anything
-  std::vector<Claim> claims;  ///< displaced, it may be here
-  double claimed_m = 0.0;     ///< rolled since these were weighed last
-  int unobserved = 0;         ///< frames since it has seen enough whose place or motion is known
+};
+
+/// Absolute poses, ranges and bearings of one robot.
+struct AbsoluteAid {
+  std::optional<AbsoluteFix> fix;  ///< of its newest frame
+  bool accepted = false;           ///< since its last frame an absolute measurement has been accepted
+  int disagreements = 0;           ///< absolute measurements in a row that the gate refused
+  int refusals = 0;                ///< ranges and bearings in a row that the gate refused
+  std::set<std::string> refused;   ///< of which things
+};
+
+/// What one robot saw in the newest frame that showed anything.
+struct SightAid {
+  TimeNs time_ns = 0;
+  std::vector<Glimpse> glimpses;
+  Scan scan;                ///< how far floor is seen
+  double farthest_m = 0.0;  ///< of the silhouettes' positions so far: so far does it see for sure
+};
+
+/// What the tracks of one robot are taken for.
+struct TrackAid {
+  std::map<std::uint32_t, Known> known;                               ///< by track id
+  std::map<std::pair<std::uint32_t, std::size_t>, Suspect> suspects;  ///< by track id and robot
+  int unobserved = 0;  ///< frames since it has seen enough whose place or motion is known
+};
+
+/// Whether a robot that sees objects may be elsewhere: slipped, carried or lost.
+struct DoubtAid {
+  bool familiar = false;                          ///< it saw something that it knew, before it saw nothing
+  bool displaced = false;                         ///< it sees nothing of what should be there, …
+  bool adrift = false;                            ///< … or merely its heading may have been anything
+  std::vector<Claim> claims;                      ///< displaced, it may be here
+  double claimed_m = 0.0;                         ///< rolled since these were weighed last
   double unsettled_m = 0.0, unsettled_rad = 0.0;  ///< rolled since what it sees has fitted last
   int unsure = 0;  ///< it has seen nothing for a while; frames in which it may find that it was carried away
-  TimeNs seeing_ns = 0;                            ///< when it could see last
-  std::optional<Unseen> unseen;                    ///< while it sees nothing or has not been found since
-  std::map<std::uint32_t, Known> object_of_track;  ///< by track id
-  std::map<std::pair<std::uint32_t, std::size_t>, Suspect> suspects;  ///< by track id and robot
+  TimeNs seeing_ns = 0;          ///< when it could see last
+  std::optional<Unseen> unseen;  ///< while it sees nothing or has not been found since
+};
+
+/// One robot: its window of frames, and what each source knows of it.
+struct RobotNode {
+  RobotSetup setup;
+  std::shared_ptr<const Body> body;
+  VariableId detector = 0;  ///< DetectorModel; 0 until it has measured a range and bearing
+  VariableId size = 0;      ///< of its body against what it is said to be; 0 until it has been seen
+  std::deque<Step> window;  ///< empty while unlocated
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the newest pose, right perturbation
+  TimeNs last_frame_ns = 0;
+  Pose2 last_key;
+  TimeNs last_key_ns = 0;
+  bool started = false;          ///< a frame has come
+  bool unrefined = false;        ///< its newest frame is not in the last whole solve
+  bool sightings_locate = true;  ///< mutual sightings may locate it
+  std::optional<Scout> scout;    ///< while unlocated
+  Start start;
+  WheelAid wheel_aid;
+  FloorSource floor;
+  ScanAid scan_aid;
+  AppearanceAid appearance_aid;
+  CameraAid camera_aid;
+  TrackAid track_aid;
+  SightAid sight_aid;
+  DoubtAid doubt;
+  AbsoluteAid absolute_aid;
+  PlaceAid place_aid;
+  LocalizationAid localization_aid;
   RobotStatus status;
 
   bool located() const { return !window.empty(); }
+  /// Of the source that measured the motion of a step.
+  const OdometryQuality& odometryOf(const Step& step) const {
+    return step.by_floor ? floor.quality() : scan_aid.odometry;
+  }
 };
 
 /// A named landmark of range and bearing measurements.
@@ -360,6 +419,8 @@ class FleetState {
   void addOdometryErrors(const RobotNode& robot, Step& step) const;
   /// The motion since step.since_ns from the robot's own log of its wheels; false where that says nothing.
   bool fromLog(const RobotNode& robot, Step& step) const;
+  void predictWithoutWheels(const RobotNode& robot, const Step& previous, const Objects& frame,
+                            Step& step) const;
   void predictByAppearance(const RobotNode& robot, const Appearance& appearance, Step& step) const;
   Step& newStep(RobotNode& robot, Step step, const Pose2& map_from_base, const Objects& frame);
   void freezeViews(const Step& step);

@@ -22,10 +22,10 @@ void adoptStep(FleetState& fleet, RobotNode& robot, const RobotNode& theirs, con
   estimate.valid = true;
   estimate.map_from_base = map_from_own * own.pose(step.pose);
   estimate.covariance = theirs.covariance;
-  estimate.camera_error = theirs.published_camera_error;
+  estimate.camera_error = theirs.camera_aid.published;
   estimate.sightings = step.sightings;
   fleet.revised.push_back(estimate);
-  robot.path.add(estimate);
+  robot.place_aid.path.add(estimate);
 }
 
 ScanAid inCommonMap(const ScanAid& own, KeyframeMap::Id first, const KeyframeMap& map) {
@@ -47,12 +47,12 @@ void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const
   const Step& newest = theirs.window.back();
   KeyframeMap& map = fleet.keyframes;
   const KeyframeMap::Id first = map.append(own.keyframes, map_from_own, covariance);
-  robot.path.append(theirs.path, first, map_from_own, map, fleet.revised);
+  robot.place_aid.path.append(theirs.place_aid.path, first, map_from_own, map, fleet.revised);
 
-  robot.places.append(theirs.places, first, map_from_own, map);
-  robot.way_since_place = theirs.way_since_place;
-  robot.difference_scale = theirs.difference_scale;
-  robot.compass_quality = theirs.compass_quality;
+  robot.place_aid.memory.append(theirs.place_aid.memory, first, map_from_own, map);
+  robot.place_aid.way = theirs.place_aid.way;
+  robot.appearance_aid.length = theirs.appearance_aid.length;
+  robot.appearance_aid.compass = theirs.appearance_aid.compass;
   robot.covariance = theirs.covariance;
 
   ScanAid aid = inCommonMap(theirs.scan_aid, first, map);
@@ -68,8 +68,8 @@ void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const
     rememberPlace(fleet, robot, step, here * own.pose(step.pose), keyframe, false);
   }
 
-  robot.setup.camera_error = robot.published_camera_error = theirs.published_camera_error;
-  fleet.graph.value(robot.wheels) = own.graph.value(theirs.wheels);
+  robot.setup.camera_error = robot.camera_aid.published = theirs.camera_aid.published;
+  fleet.graph.value(robot.wheel_aid.model) = own.graph.value(theirs.wheel_aid.model);
   Objects frame;
   frame.robot = robot.setup.name;
   frame.acquired_ns = newest.time_ns;
@@ -87,7 +87,7 @@ void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const
   robot.scan_aid.relative_covariance = to_keyframe;
   robot.scan_aid.held = robot.scan_aid.anchor.has_value();
   robot.covariance = ScanSource::inMap(fleet, robot);
-  robot.monitor = theirs.monitor;
+  robot.localization_aid.monitor = theirs.localization_aid.monitor;
   robot.last_frame_ns = theirs.last_frame_ns;
   robot.started = true;
   robot.unrefined = false;
@@ -96,12 +96,12 @@ void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const
 void adoptPath(FleetState& fleet, RobotNode& robot, const FleetState& own, const Pose2& map_from_own) {
   const RobotNode& theirs = *own.find(robot.setup.name);
   // Its keyframes relate to those of this map by nothing but the robot: they are left behind.
-  for (PoseEstimate pose : theirs.path.poses()) {
+  for (PoseEstimate pose : theirs.place_aid.path.poses()) {
     pose.map_from_base = map_from_own * pose.map_from_base;
-    robot.path.add(pose);
+    robot.place_aid.path.add(pose);
     fleet.revised.push_back(std::move(pose));
   }
-  robot.places.append(theirs.places.withoutKeyframes(), 0, map_from_own, fleet.keyframes);
+  robot.place_aid.memory.append(theirs.place_aid.memory.withoutKeyframes(), 0, map_from_own, fleet.keyframes);
   for (const Step& step : theirs.window)
     if (step.time_ns < robot.window.front().time_ns) adoptStep(fleet, robot, theirs, step, map_from_own, own);
 }

@@ -129,8 +129,8 @@ class Search {
   }
 
   bool isCompany(const RobotNode& other) const {
-    return &other != &robot_ && other.located() && !other.displaced && other.unsure == 0 && isSure(other) &&
-           isSure(robot_);
+    return &other != &robot_ && other.located() && !other.doubt.displaced && other.doubt.unsure == 0 &&
+           isSure(other) && isSure(robot_);
   }
 
   /// Others see a body like its own, that is nothing else they know: the robot itself.
@@ -138,7 +138,7 @@ class Search {
     const std::size_t others = known_.size();
     const TimeNs now_ns = robot_.window.back().time_ns;
     for (const RobotNode& other : fleet.robots) {
-      if (!isCompany(other) || other.sight_ns != now_ns) continue;
+      if (!isCompany(other) || other.sight_aid.time_ns != now_ns) continue;
       const Pose2 map_from_other = fleet.pose(other.window.back().pose);
       for (const Eigen::Vector2d& p : bodies(fleet, other, *robot_.body)) {
         const Eigen::Vector2d place_m = map_from_other * p;
@@ -220,7 +220,7 @@ class Search {
 
   bool isNear(const Pose2& map_from_base) const {
     const Pose2 by = here_.inverse() * map_from_base;
-    const bool unseen = robot_.unsure > 0;
+    const bool unseen = robot_.doubt.unsure > 0;
     const Eigen::Vector3d sigma = robot_.covariance.diagonal().cwiseSqrt();
     const double reach_m = std::max(unseen ? kUnseen_m : kSlip_m, 3.0 * sigma.head<2>().maxCoeff());
     const double reach_rad = std::max(unseen ? kUnseen_rad : kSlip_rad, 3.0 * sigma.z());
@@ -285,30 +285,31 @@ void dropClaims(std::vector<Claim>& claims) {
 
 std::optional<Pose2> followClaims(const FleetState& fleet, RobotNode& robot, const std::vector<Seen>& seen) {
   const Step& step = robot.window.back();
-  if (!step.wheels) robot.claims.clear();
-  for (Claim& claim : robot.claims) claim.map_from_base = claim.map_from_base * step.previous_from_current;
-  robot.claimed_m += step.rolled_m;
-  if (!robot.claims.empty() && robot.claimed_m < kClaimWay_m) return std::nullopt;
-  robot.claimed_m = 0.0;
-  Search(fleet, robot, seen, true).weigh(robot.claims);
-  dropClaims(robot.claims);
-  if (robot.claims.empty()) return std::nullopt;
-  const Claim& best = robot.claims.front();
-  const bool rivalled = robot.claims.size() > 1 && robot.claims[1].gain > kClaimRival * best.gain;
+  if (!step.isMeasured()) robot.doubt.claims.clear();
+  for (Claim& claim : robot.doubt.claims)
+    claim.map_from_base = claim.map_from_base * step.previous_from_current;
+  robot.doubt.claimed_m += step.rolled_m;
+  if (!robot.doubt.claims.empty() && robot.doubt.claimed_m < kClaimWay_m) return std::nullopt;
+  robot.doubt.claimed_m = 0.0;
+  Search(fleet, robot, seen, true).weigh(robot.doubt.claims);
+  dropClaims(robot.doubt.claims);
+  if (robot.doubt.claims.empty()) return std::nullopt;
+  const Claim& best = robot.doubt.claims.front();
+  const bool rivalled = robot.doubt.claims.size() > 1 && robot.doubt.claims[1].gain > kClaimRival * best.gain;
   if (rivalled || best.frames < kClaimFrames || best.gain < kClaimGain || best.gain < kClaimShare * best.most)
     return std::nullopt;
   return best.map_from_base;
 }
 
 void followUnseen(FleetState& fleet, RobotNode& robot, bool sees) {
-  if (robot.window.size() < 2 || (sees && !robot.unseen)) return;
+  if (robot.window.size() < 2 || (sees && !robot.doubt.unseen)) return;
   const Step& step = robot.window.back();
-  if (!robot.unseen) {
-    robot.unseen.emplace();
-    robot.unseen->map_from_base = fleet.pose(robot.window[robot.window.size() - 2].pose);
-    robot.unseen->covariance = robot.covariance;
+  if (!robot.doubt.unseen) {
+    robot.doubt.unseen.emplace();
+    robot.doubt.unseen->map_from_base = fleet.pose(robot.window[robot.window.size() - 2].pose);
+    robot.doubt.unseen->covariance = robot.covariance;
   }
-  Unseen& unseen = *robot.unseen;
+  Unseen& unseen = *robot.doubt.unseen;
   const Pose2& by = step.previous_from_current;
   unseen.covariance = composeCovariance(unseen.covariance, by, step.own_covariance);
   unseen.way = unseen.way * by;
@@ -320,8 +321,8 @@ bool wasCarried(const FleetState& fleet, const RobotNode& robot) {
   constexpr double kGate = 20.0;                         // χ² (3 dof, 2e-4)
   constexpr double kSlack_m = 0.01, kSlack_rad = 0.02;   // models are never exact, …
   constexpr double kWayShare = 0.01, kTurnShare = 0.02;  // … nor are wheels
-  if (!robot.unseen) return false;
-  const Unseen& unseen = *robot.unseen;
+  if (!robot.doubt.unseen) return false;
+  const Unseen& unseen = *robot.doubt.unseen;
   const Pose2 predicted = unseen.map_from_base * unseen.way;
   const Eigen::Vector3d off = (predicted.inverse() * fleet.pose(robot.window.back().pose)).vector();
   const double way_m = kSlack_m + kWayShare * unseen.rolled_m;

@@ -71,11 +71,11 @@ void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
   for (std::size_t s = 0; s < seen.size(); ++s) {
     if (seen[s].peer != nullptr || !seen[s].informative || moving(seen[s], fleet.options)) continue;
     const Footprint footprint(*seen[s].view);
-    const auto before = observer.object_of_track.find(seen[s].track->id);
+    const auto before = observer.track_aid.known.find(seen[s].track->id);
     for (const auto& [id, landmark] : fleet.landmarks) {
       const Match m = match(fleet, landmark, *seen[s].view, footprint, map_from_base);
       // A track that was this landmark before may stray a little farther.
-      const bool same = before != observer.object_of_track.end() && before->second.landmark == id;
+      const bool same = before != observer.track_aid.known.end() && before->second.landmark == id;
       if (m.possible && m.distance_m < fleet.options.associate_gate_m * (same ? 1.5 : 1.0)) {
         candidates.push_back({m.distance_m, s, id});
       }
@@ -86,7 +86,7 @@ void matchLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
   for (const Candidate& c : candidates) {
     if (seen[c.seen].landmark != 0 || !taken.insert(c.landmark).second) continue;
     seen[c.seen].landmark = c.landmark;
-    observer.object_of_track[seen[c.seen].track->id] = {c.landmark, 0};
+    observer.track_aid.known[seen[c.seen].track->id] = {c.landmark, 0};
   }
 }
 
@@ -112,7 +112,7 @@ bool farFromEverything(const FleetState& fleet, const RobotNode& observer, const
 
 void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& seen) {
   const Step& step = observer.window.back();
-  if (!step.keyframe || observer.unsure > 0 || observer.displaced) return;
+  if (!step.keyframe || observer.doubt.unsure > 0 || observer.doubt.displaced) return;
   const EstimatorOptions& o = fleet.options;
   const Pose2 map_from_base = fleet.pose(step.pose);
   for (Seen& s : seen) {
@@ -131,7 +131,7 @@ void foundLandmarks(FleetState& fleet, RobotNode& observer, std::vector<Seen>& s
     landmark.shape->add(*s.view, fleet.mapFromLandmark(landmark).inverse() * map_from_base, height);
     landmark.shape->finish();
     s.landmark = landmark.id;
-    observer.object_of_track[s.track->id] = {landmark.id, 0};
+    observer.track_aid.known[s.track->id] = {landmark.id, 0};
   }
 }
 
@@ -161,8 +161,8 @@ void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
   if (spread < kSure_m || step.motion == kNoFactor) return;
   std::vector<Eigen::Vector2d> in_base, in_map;
   for (const Seen& s : seen) {
-    const auto before = observer.object_of_track.find(s.track->id);
-    if (before == observer.object_of_track.end() || !s.informative) continue;
+    const auto before = observer.track_aid.known.find(s.track->id);
+    if (before == observer.track_aid.known.end() || !s.informative) continue;
     if (before->second.landmark != 0) {
       const auto landmark = fleet.landmarks.find(before->second.landmark);
       if (landmark == fleet.landmarks.end()) continue;
@@ -171,7 +171,7 @@ void alignByTracks(FleetState& fleet, RobotNode& observer, const Objects& frame,
     } else {
       const RobotNode& peer = fleet.robots[before->second.robot];
       const auto at = fleet.poseAt(peer, frame.acquired_ns);
-      if (!at || peer.window.back().wheels == false) continue;  // no surer than we are
+      if (!at || !peer.window.back().isMeasured()) continue;  // no surer than we are
       in_base.push_back(Footprint(*s.view).centre(peer.body->height()));
       in_map.push_back(at->map_from_base.translation());
     }

@@ -25,9 +25,9 @@ double sigmasOf(const Pose2& predicted, const Eigen::Matrix3d& covariance, const
 /// Puts a robot where the relocalizer has found it.
 void moveTo(FleetState& fleet, RobotFrame& frame, const Relocalizer::Found& found) {
   RobotNode& robot = *frame.robot;
-  robot.correction_sigmas =
+  robot.localization_aid.correction_sigmas =
       sigmasOf(fleet.pose(robot.window.back().pose), robot.covariance, found.map_from_base);
-  robot.event = PoseEvent::kRelocalized;
+  robot.localization_aid.event = PoseEvent::kRelocalized;
   const Eigen::Matrix3d covariance = composeCovariance(fleet.keyframes.covariance(found.keyframe),
                                                        found.keyframe_from_base, found.covariance);
   ScanAid aid = std::move(robot.scan_aid);
@@ -43,19 +43,19 @@ void moveTo(FleetState& fleet, RobotFrame& frame, const Relocalizer::Found& foun
   robot.scan_aid.held = true;
   robot.covariance = covariance;
   frame.seen.clear();
-  frame.placed_anew = robot.correction_sigmas > kEvent_sigmas;
+  frame.placed_anew = robot.localization_aid.correction_sigmas > kEvent_sigmas;
   if (frame.placed_anew) ++robot.status.losses;
 }
 
 /// A return to keyframes that the robot's way does not relate well to it.
 void closeLoop(FleetState& fleet, RobotNode& robot, const Relocalizer::Found& found) {
   ScanAid& aid = robot.scan_aid;
-  robot.correction_sigmas =
+  robot.localization_aid.correction_sigmas =
       sigmasOf(fleet.pose(robot.window.back().pose), robot.covariance, found.map_from_base);
-  if (robot.correction_sigmas > kEvent_sigmas)
-    robot.event = PoseEvent::kLoopClosed;
+  if (robot.localization_aid.correction_sigmas > kEvent_sigmas)
+    robot.localization_aid.event = PoseEvent::kLoopClosed;
   else
-    robot.correction_sigmas = 0.0;
+    robot.localization_aid.correction_sigmas = 0.0;
   const Pose2 from_to = aid.anchor->keyframe_from_base * found.keyframe_from_base.inverse();
   const Eigen::Matrix3d covariance =
       composeCovariance(aid.anchor->covariance, found.keyframe_from_base.inverse(), found.covariance);
@@ -64,21 +64,21 @@ void closeLoop(FleetState& fleet, RobotNode& robot, const Relocalizer::Found& fo
 
 /// Observations determine the pose again, without a search.
 void noteFound(const FleetState& fleet, RobotNode& robot, const RobotFrame& frame) {
-  if (robot.event != PoseEvent::kNone) return;
-  robot.event = PoseEvent::kRelocalized;
+  if (robot.localization_aid.event != PoseEvent::kNone) return;
+  robot.localization_aid.event = PoseEvent::kRelocalized;
   if (frame.predicted)
-    robot.correction_sigmas =
+    robot.localization_aid.correction_sigmas =
         sigmasOf(*frame.predicted, frame.predicted_covariance, fleet.pose(robot.window.back().pose));
 }
 
 /// A pose that no search has moved, but whatever else by more than 3 σ of its prediction.
 void noteCorrection(const FleetState& fleet, RobotNode& robot, const RobotFrame& frame) {
-  if (robot.event != PoseEvent::kNone || !frame.predicted || !robot.located()) return;
+  if (robot.localization_aid.event != PoseEvent::kNone || !frame.predicted || !robot.located()) return;
   const double sigmas =
       sigmasOf(*frame.predicted, frame.predicted_covariance, fleet.pose(robot.window.back().pose));
   if (!(sigmas > kEvent_sigmas)) return;
-  robot.correction_sigmas = sigmas;
-  robot.event = robot.measured ? PoseEvent::kAbsolute : PoseEvent::kCorrected;
+  robot.localization_aid.correction_sigmas = sigmas;
+  robot.localization_aid.event = robot.absolute_aid.accepted ? PoseEvent::kAbsolute : PoseEvent::kCorrected;
 }
 
 /// The newest frame of the window that has a signature, with the robot's way since.
@@ -98,11 +98,11 @@ PlaceRecognition::Scope scopeOf(const FleetState& fleet, const RobotNode& robot,
                                 const std::vector<KeyframeMap::Id>& among) {
   PlaceRecognition::Scope scope;
   for (std::size_t i = 0; i < fleet.robots.size(); ++i) {
-    scope.memories.push_back(&fleet.robots[i].places);
+    scope.memories.push_back(&fleet.robots[i].place_aid.memory);
     if (&fleet.robots[i] == &robot) scope.robot = i;
   }
   scope.keyframes = among;
-  scope.before_ns = robot.confirmed_ns;
+  scope.before_ns = robot.localization_aid.confirmed_ns;
   return scope;
 }
 
@@ -132,7 +132,8 @@ void linkPlaces(const FleetState& fleet, RobotNode& robot, const PlaceRecognitio
                 const Relocalizer::Found& found) {
   const auto other = fleet.recognition.nearest(scope, found.map_from_base);
   if (!other) return;
-  robot.closing = ClosingLink{robot.window.back().time_ns, other->robot, other->index, found.covariance};
+  robot.place_aid.closing =
+      ClosingLink{robot.window.back().time_ns, other->robot, other->index, found.covariance};
 }
 
 /// Whether the scan, and what the robot sees, speak rather against a place that was found than for it: other
@@ -172,10 +173,11 @@ std::optional<Relocalizer::Found> searchPlace(FleetState& fleet, RobotNode& robo
                                               const Relocalizer::Suggestion& area) {
   const Step& step = robot.window.back();
   const std::optional<SeenPlace> seen = newestSeen(fleet, robot);
-  auto found = robot.relocalizer->look(
+  auto found = robot.localization_aid.relocalizer->look(
       fleet.keyframes, robot.scan_aid, area.map_from_base, step.previous_from_current, scope.keyframes,
       area.reach_m, area.reach_rad, [&] { return suggestionsFor(fleet, scope, seen, area); });
-  while (found && isContradicted(fleet, robot, scope, seen, *found)) found = robot.relocalizer->reject();
+  while (found && isContradicted(fleet, robot, scope, seen, *found))
+    found = robot.localization_aid.relocalizer->reject();
   return found;
 }
 
@@ -183,26 +185,26 @@ std::optional<Relocalizer::Found> searchPlace(FleetState& fleet, RobotNode& robo
 
 void localize(FleetState& fleet, RobotFrame& frame) {
   RobotNode& robot = *frame.robot;
-  robot.event = PoseEvent::kNone;
-  robot.correction_sigmas = 0.0;
+  robot.localization_aid.event = PoseEvent::kNone;
+  robot.localization_aid.correction_sigmas = 0.0;
   if (!frame.fresh) return;
   const ScanAid& aid = robot.scan_aid;
   LocalizationEvidence evidence;
   evidence.located = robot.located();
   if (robot.located()) {
     const Step& step = robot.window.back();
-    evidence.odometry = step.wheels || step.by_appearance;
+    evidence.odometry = step.isMeasured() || step.by_appearance;
     // A scan that contradicts an absolute measurement shows what has changed since the keyframes, such as
     // robots.
-    evidence.confirmed =
-        aid.matched || robot.measured || (!aid.contradicted && !robot.displaced && robot.unobserved == 0);
-    evidence.contradicted = !robot.measured && (aid.contradicted || robot.displaced);
-    if (evidence.confirmed) robot.confirmed_ns = step.time_ns;
+    evidence.confirmed = aid.matched || robot.absolute_aid.accepted ||
+                         (!aid.contradicted && !robot.doubt.displaced && robot.track_aid.unobserved == 0);
+    evidence.contradicted = !robot.absolute_aid.accepted && (aid.contradicted || robot.doubt.displaced);
+    if (evidence.confirmed) robot.localization_aid.confirmed_ns = step.time_ns;
     evidence.sigma_m = std::sqrt(robot.covariance.topLeftCorner<2, 2>().trace() +
                                  kLever_m * kLever_m * robot.covariance(2, 2));
     const KeyframeMap& map = fleet.keyframes;
-    const bool lost =
-        (aid.has_scan && robot.monitor.isInDoubt()) || robot.monitor.state() == LocalizationState::kLost;
+    const bool lost = (aid.has_scan && robot.localization_aid.monitor.isInDoubt()) ||
+                      robot.localization_aid.monitor.state() == LocalizationState::kLost;
     std::vector<KeyframeMap::Id> among;
     double reach_m = kEverywhere_m, reach_rad = M_PI;
     if (lost) {
@@ -215,7 +217,7 @@ void localize(FleetState& fleet, RobotFrame& frame) {
                             fleet.pose(step.pose), reach_m + map.reachM());
     }
     if (among.empty()) {
-      robot.relocalizer->forget();
+      robot.localization_aid.relocalizer->forget();
     } else {
       const PlaceRecognition::Scope scope = scopeOf(fleet, robot, among);
       if (const auto found = searchPlace(fleet, robot, scope, {fleet.pose(step.pose), reach_m, reach_rad})) {
@@ -225,17 +227,18 @@ void localize(FleetState& fleet, RobotFrame& frame) {
           moveTo(fleet, frame, *found);
         else
           closeLoop(fleet, robot, *found);
-        robot.relocalizer->forget();
+        robot.localization_aid.relocalizer->forget();
       }
     }
   }
-  if (robot.monitor.update(evidence) == LocalizationState::kRelocalized) noteFound(fleet, robot, frame);
+  if (robot.localization_aid.monitor.update(evidence) == LocalizationState::kRelocalized)
+    noteFound(fleet, robot, frame);
   noteCorrection(fleet, robot, frame);
 }
 
 Eigen::Matrix3d suspectedMove(const RobotNode& robot) {
   constexpr double kCarried_m = 0.3, kCarried_rad = 0.3;  // rms per patience
-  const LocalizationMonitor& monitor = robot.monitor;
+  const LocalizationMonitor& monitor = robot.localization_aid.monitor;
   if (!monitor.isInDoubt()) return Eigen::Matrix3d::Zero();
   const double times = std::min(10.0, static_cast<double>(monitor.unconfirmed()) / monitor.patience());
   const double m = kCarried_m * times, rad = std::min(M_PI, kCarried_rad * times);

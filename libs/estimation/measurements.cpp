@@ -49,7 +49,7 @@ void noteFix(RobotNode& robot, const Measurement& m) {
   constexpr TimeNs kSame_ns = 1000000;  // as frames: closer times are the same
   if (std::abs(robot.window.back().time_ns - m.acquired_ns) > kSame_ns) return;
   const AbsoluteFix fix{Pose2::fromVector(m.value), m.covariance};
-  robot.fix = robot.fix ? AbsoluteFix::fuse(*robot.fix, fix) : fix;
+  robot.absolute_aid.fix = robot.absolute_aid.fix ? AbsoluteFix::fuse(*robot.absolute_aid.fix, fix) : fix;
 }
 
 /// In base_link at the time of the measurement.
@@ -79,13 +79,13 @@ bool plausible(FleetState& fleet, const Measurement& m, RobotNode& robot, const 
   covariance += (along_m * along_m + m.covariance(0, 0)) * along * along.transpose() +
                 (across_m * across_m + range * range * m.covariance(1, 1)) * across * across.transpose();
   if (off.dot(covariance.ldlt().solve(off)) <= kRangeGate) {
-    robot.refusals = 0;
-    robot.refused.clear();
+    robot.absolute_aid.refusals = 0;
+    robot.absolute_aid.refused.clear();
     return true;
   }
-  ++robot.refusals;
-  robot.refused.insert(m.to);
-  if (robot.refusals >= kDisplaced && robot.refused.size() >= 2) {
+  ++robot.absolute_aid.refusals;
+  robot.absolute_aid.refused.insert(m.to);
+  if (robot.absolute_aid.refusals >= kDisplaced && robot.absolute_aid.refused.size() >= 2) {
     fleet.release(robot);
     robot.status.state = RobotState::kLost;
     robot.status.message = localizationLost();
@@ -103,9 +103,10 @@ void MeasurementQueue::attach(FleetState& fleet, TimeNs time, const std::vector<
     if (outcome == Outcome::kDone) {
       const bool absolute = measurement.kind == MeasurementKind::kAbsolutePose ||
                             measurement.kind == MeasurementKind::kPosition;
-      if (RobotNode* robot = fleet.find(measurement.to); robot != nullptr && absolute) robot->measured = true;
+      if (RobotNode* robot = fleet.find(measurement.to); robot != nullptr && absolute)
+        robot->absolute_aid.accepted = true;
       for (const std::string* name : {&measurement.from, &measurement.to}) {
-        if (RobotNode* robot = fleet.find(*name)) robot->unobserved = 0;
+        if (RobotNode* robot = fleet.find(*name)) robot->track_aid.unobserved = 0;
       }
       continue;
     }
@@ -177,17 +178,17 @@ MeasurementQueue::Outcome MeasurementQueue::attachAbsolute(FleetState& fleet, co
     return Outcome::kDone;
   }
   if (disagreement(*robot, *at, m, frame != nullptr) > kGate) {
-    if (++robot->disagreements < kKidnapped || frame == nullptr) return Outcome::kRejected;
+    if (++robot->absolute_aid.disagreements < kKidnapped || frame == nullptr) return Outcome::kRejected;
     if (isOpen(robot->start)) {
       moveStart(fleet, *robot, measured * at->map_from_base.inverse(), m.covariance);
-      robot->disagreements = 0;
+      robot->absolute_aid.disagreements = 0;
       return Outcome::kDone;
     }
     fleet.release(*robot);
     ++robot->status.losses;
     return attachAbsolute(fleet, m, frames);
   }
-  robot->disagreements = 0;
+  robot->absolute_aid.disagreements = 0;
   robot->start.borne_out = true;
   fleet.graph.addFactor(absolutePoseFactor(measured, m.covariance, at->offset), {at->pose}, kCauchy);
   noteFix(*robot, m);
@@ -230,7 +231,8 @@ MeasurementQueue::Outcome MeasurementQueue::attachToPoint(FleetState& fleet, con
   const VariableId detector = fleet.detector(robot);
   auto at = fleet.points.find(m.to);
   if (at == fleet.points.end()) {
-    if (robot.refusals > 0) return Outcome::kRejected;  // founds nothing while its place is in doubt
+    if (robot.absolute_aid.refusals > 0)
+      return Outcome::kRejected;  // founds nothing while its place is in doubt
     at = fleet.points.emplace(m.to, Point{}).first;
     at->second.variable = fleet.graph.addVariable(from.map_from_base * inBase(fleet, robot, m));
   } else if (!plausible(fleet, m, robot, from, fleet.graph.value(at->second.variable),

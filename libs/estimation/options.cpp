@@ -60,6 +60,7 @@ EstimatorOptions EstimatorOptions::read(const options::Section& section) {
   o.alignment = MapAlignmentOptions::read(section.child("alignment"));
   o.scan = ScanSourceOptions::read(section.child("scan"));
   o.odometry = OdometryQualityOptions::read(section.child("odometry"));
+  o.floor = FloorSourceOptions::read(section.child("floor"));
   section.finish();
   return o;
 }

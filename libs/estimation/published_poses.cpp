@@ -63,7 +63,7 @@ PoseEstimate estimateOf(const RobotNode& robot, const Step& step, const Pose2& m
   estimate.valid = true;
   estimate.map_from_base = map_from_base;
   estimate.covariance = robot.covariance;
-  estimate.camera_error = robot.published_camera_error;
+  estimate.camera_error = robot.camera_aid.published;
   estimate.sightings = step.sightings;
   return estimate;
 }
@@ -84,7 +84,7 @@ PoseEstimate revise(FleetState& fleet, RobotNode& robot, const Step& step) {
 /// The nearest place that was left long before, if a new place is there again and scans relate both.
 std::optional<PlaceIndex::Entry> revisited(const FleetState& fleet, const RobotNode& robot, const Step& step,
                                            const Place& place) {
-  const std::vector<Place>& own = robot.places.places();
+  const std::vector<Place>& own = robot.place_aid.memory.places();
   const std::size_t recent = std::min(own.size(), kApart);
   const bool linked =
       std::any_of(own.end() - static_cast<std::ptrdiff_t>(recent), own.end(), [](const Place& p) {
@@ -94,7 +94,7 @@ std::optional<PlaceIndex::Entry> revisited(const FleetState& fleet, const RobotN
   if (linked || step.scan.factor == kNoFactor) return std::nullopt;
   PlaceRecognition::Scope scope;
   for (std::size_t i = 0; i < fleet.robots.size(); ++i) {
-    scope.memories.push_back(&fleet.robots[i].places);
+    scope.memories.push_back(&fleet.robots[i].place_aid.memory);
     if (&fleet.robots[i] == &robot) scope.robot = i;
   }
   scope.keyframes = fleet.keyframes.all();
@@ -110,24 +110,24 @@ std::optional<PlaceIndex::Entry> revisited(const FleetState& fleet, const RobotN
 /// Links a new place to the one at which a search has closed a loop, or which the robot has returned to.
 void linkPlace(const FleetState& fleet, RobotNode& robot, const Step& step, Place& place) {
   std::optional<PlaceIndex::Entry> entry;
-  const bool closes = robot.closing && step.time_ns >= robot.closing->time_ns;
+  const bool closes = robot.place_aid.closing && step.time_ns >= robot.place_aid.closing->time_ns;
   if (closes)
-    entry = PlaceIndex::Entry{robot.closing->robot, robot.closing->index};
-  else if (!robot.closing)
+    entry = PlaceIndex::Entry{robot.place_aid.closing->robot, robot.place_aid.closing->index};
+  else if (!robot.place_aid.closing)
     entry = revisited(fleet, robot, step, place);
   if (!entry) return;
-  const Place& other = fleet.robots[entry->robot].places.places()[entry->index];
+  const Place& other = fleet.robots[entry->robot].place_aid.memory.places()[entry->index];
   const Pose2 this_from_other = place.frame_from_base.inverse() * other.frame_from_base;
   place.links.push_back({true, other.robot, other.index, this_from_other,
-                         closes ? robot.closing->covariance
+                         closes ? robot.place_aid.closing->covariance
                                 : composeCovariance(place.covariance, this_from_other, other.covariance)});
-  if (closes) robot.closing.reset();
+  if (closes) robot.place_aid.closing.reset();
 }
 
 /// Makes new places known to the recognition, and reports those that cannot be compared.
 void indexPlaces(FleetState& fleet) {
   std::vector<const PlaceMemory*> memories;
-  for (const RobotNode& robot : fleet.robots) memories.push_back(&robot.places);
+  for (const RobotNode& robot : fleet.robots) memories.push_back(&robot.place_aid.memory);
   fleet.recognition.update(memories);
   for (const PlaceIndex::Refusal& refusal : fleet.recognition.takeRefusals())
     fleet.findings.push_back(placesIncomparable(refusal.robot, refusal.why));
@@ -138,9 +138,9 @@ void indexPlaces(FleetState& fleet) {
 void remember(FleetState& fleet, RobotNode& robot, const Step& step, PoseEstimate published) {
   const std::optional<KeyframeMap::Id> keyframe = keyframeOf(robot, step);
   if (keyframe)
-    robot.path.add(published, *keyframe, fleet.keyframes.pose(*keyframe));
+    robot.place_aid.path.add(published, *keyframe, fleet.keyframes.pose(*keyframe));
   else
-    robot.path.add(published);
+    robot.place_aid.path.add(published);
 }
 
 }  // namespace
@@ -153,21 +153,21 @@ std::optional<KeyframeMap::Id> keyframeOf(const RobotNode& robot, const Step& st
 
 void rememberPlace(FleetState& fleet, RobotNode& robot, const Step& step, const Pose2& map_from_base,
                    const std::optional<KeyframeMap::Id>& keyframe, bool is_last) {
-  robot.way_since_place =
-      composeCovariance(robot.way_since_place, step.previous_from_current, step.motion_covariance);
-  if (!step.appearance && !(is_last && !robot.places.places().empty())) return;
+  robot.place_aid.way =
+      composeCovariance(robot.place_aid.way, step.previous_from_current, step.motion_covariance);
+  if (!step.appearance && !(is_last && !robot.place_aid.memory.places().empty())) return;
   Place place;
   place.robot = robot.setup.name;
   place.acquired_ns = step.time_ns;
   place.sequence = step.sequence;
   place.frame_from_base = map_from_base;
   place.covariance = robot.covariance;
-  place.metric = !fleet.options.appearance.free_scale || robot.difference_scale.isMetric();
-  place.format = step.appearance ? step.appearance->format : robot.places.places().back().format;
+  place.metric = !fleet.options.appearance.free_scale || robot.appearance_aid.length.isMetric();
+  place.format = step.appearance ? step.appearance->format : robot.place_aid.memory.places().back().format;
   if (step.appearance) place.signature = step.appearance->signature;
   linkPlace(fleet, robot, step, place);
-  robot.places.add(std::move(place), keyframe, fleet.keyframes, robot.way_since_place);
-  robot.way_since_place.setZero();
+  robot.place_aid.memory.add(std::move(place), keyframe, fleet.keyframes, robot.place_aid.way);
+  robot.place_aid.way.setZero();
 }
 
 void withdraw(FleetState& fleet, RobotNode& robot) {

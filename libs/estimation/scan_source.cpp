@@ -197,7 +197,7 @@ bool ScanSource::contradicts(const scan::Match& match, const Pose2& predicted,
 /// The way of the wheels alone since the last keyframe.
 void ScanSource::followOdometry(ScanAid& aid, const Step& step) {
   if (!aid.way) return;
-  if (!step.wheels || step.wheels_rejected) {
+  if (!step.hasOdometry()) {
     aid.way.reset();
     return;
   }
@@ -224,11 +224,12 @@ void ScanSource::observe(FleetState& fleet, RobotFrame& frame) {
     return;
   }
   fit(fleet, frame);
-  if (aid.has_scan) match(fleet, robot, boundary);
+  if (aid.has_scan) match(fleet, frame, boundary);
   aid.previous_inverse = boundary.inverse_m;
 }
 
-void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boundary) {
+void ScanSource::match(FleetState& fleet, RobotFrame& frame, const Boundary& boundary) {
+  RobotNode& robot = *frame.robot;
   ScanAid& aid = robot.scan_aid;
   const Step& step = robot.window.back();
   const KeyframeMap& map = fleet.keyframes;
@@ -245,10 +246,11 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   aid.rich = aid.rich || is_laser;
   const bool suffices = aid.rich;
   Pose2 predicted = fleet.pose(step.pose);
-  const Eigen::Matrix3d& known = robot.fix ? robot.fix->covariance : robot.covariance;
+  const Eigen::Matrix3d& known =
+      robot.absolute_aid.fix ? robot.absolute_aid.fix->covariance : robot.covariance;
   const double variance_m2 = 0.5 * aid.relative_covariance.topLeftCorner<2, 2>().trace();
   aid.references =
-      aid.anchor && !robot.fix
+      aid.anchor && !robot.absolute_aid.fix
           ? map.references(aid.anchor->keyframe, variance_m2, {predicted, aid.scan.sectors()})
           : map.references(0.5 * known.topLeftCorner<2, 2>().trace(), {predicted, aid.scan.sectors()});
   if (aid.references.empty()) return;
@@ -257,21 +259,37 @@ void ScanSource::match(FleetState& fleet, RobotNode& robot, const Boundary& boun
   const double distance_m = (map.pose(aid.references.front()).translation() - predicted.translation()).norm();
   const KeyframeMap::Id nearest = aid.references.front();
   const Eigen::Matrix3d covariance =
-      (robot.fix    ? Eigen::Matrix3d(robot.fix->covariance + map.covariance(nearest))
-       : aid.anchor ? aid.relative_covariance
-                    : robot.covariance) +
+      (robot.absolute_aid.fix ? Eigen::Matrix3d(robot.absolute_aid.fix->covariance + map.covariance(nearest))
+       : aid.anchor           ? aid.relative_covariance
+                              : robot.covariance) +
       map.systematic(nearest, distance_m);
   static const std::vector<std::uint8_t> kAll;
   const std::vector<std::uint8_t>& skip = suffices || !fleet.options.use_landmarks ? kAll : aid.on_object;
   // Few surfaces are visible: landmarks are more accurate, where there are any.
   if (!suffices && fleet.options.use_landmarks &&
-      (robot.unobserved <= kRecently || rest_lines < map.options().min_lines))
+      (robot.track_aid.unobserved <= kRecently || rest_lines < map.options().min_lines))
     return;
   const Eigen::Vector2d gates = this->gates(step, covariance);
   const Pose2 scan_predicted = predicted * aid.base_from_scan;
-  const scan::Match found = align(aid, step, boundary, scan_predicted, covariance, skip);
-  const bool accepted = accept(found, scan_predicted, (j * covariance * j.transpose()).inverse(), gates) &&
-                        !(robot.fix && contradicts(found, scan_predicted, j * covariance * j.transpose()));
+  scan::Match found = align(aid, step, boundary, scan_predicted, covariance, skip);
+  bool accepted =
+      accept(found, scan_predicted, (j * covariance * j.transpose()).inverse(), gates) &&
+      !(robot.absolute_aid.fix && contradicts(found, scan_predicted, j * covariance * j.transpose()));
+  const bool few = !accepted || found.matched < options_.nearly_all;
+  if (few && step.isMeasured() && !robot.absolute_aid.fix) {
+    // As if nothing had measured the step.
+    const Eigen::Matrix3d unknown =
+                              fleet.unknownMotion(static_cast<double>(step.time_ns - step.since_ns) * 1e-9),
+                          open = covariance + unknown;
+    const scan::Match other = align(aid, step, boundary, scan_predicted, open, skip);
+    if (other.matched >= options_.nearly_all && largestSigma(other.information) < options_.full_rank_m &&
+        accept(other, scan_predicted, (j * open * j.transpose()).inverse(), this->gates(step, open))) {
+      found = other;
+      accepted = true;
+      fleet.loosen(robot, step.motion_covariance + unknown);
+      rejectStep(frame);
+    }
+  }
   aid.contradicted = !accepted && search_.evaluate(aid.scan, scan_predicted).known > options_.known;
   if (!accepted) return;
   aid.matched = true;
@@ -299,7 +317,7 @@ scan::Match ScanSource::align(const ScanAid& aid, const Step& step, const Bounda
     const scan::Match other = matcher_.match(aid.scan, start, prior, references_, skip);
     if (better(other, found)) found = other;
   };
-  if (!step.wheels) {
+  if (!step.isMeasured()) {
     // Constant velocity says little about a turn.
     if (const auto turn = turnByShift(boundary, aid, kTurnSigmas * std::sqrt(covariance(2, 2)))) {
       const double heading = wrapAngle(predicted.theta_rad - step.previous_from_current.theta_rad + *turn);
@@ -348,7 +366,7 @@ void ScanSource::link(FleetState& fleet, RobotNode& robot, const scan::Match& ma
   value(2) += wrapAngle(map_from_base.theta_rad - value(2));
   const bool full_rank = largestSigma(link.information) < options_.full_rank_m;
   const Eigen::Matrix3d loose = Eigen::Matrix3d::Identity() / (kUnknown_m * kUnknown_m);
-  if (step.wheels && !step.wheels_rejected)
+  if (step.wheels && !step.wheels_rejected && !step.by_floor)
     aid.odometry.add(by, (link.information + loose).inverse() + link.systematic, step.claimed_covariance,
                      step.previous_from_current.translation().norm());
   else
@@ -374,20 +392,20 @@ void ScanSource::keep(FleetState& fleet) {
   for (RobotNode& robot : fleet.robots) {
     ScanAid& aid = robot.scan_aid;
     if (!robot.located() || !robot.unrefined || !aid.has_scan || aid.contradicted) continue;
-    if (robot.monitor.isInDoubt()) continue;  // a wrong place must not enter the map
-    // Where nothing of a scan matches, only the wheels say where it belongs: those that matches have
-    // confirmed.
+    if (robot.localization_aid.monitor.isInDoubt()) continue;  // a wrong place must not enter the map
+    // Where nothing of a scan matches, only odometry says where it belongs, once matches have confirmed
+    // it.
     const Step& step = robot.window.back();
-    const bool by_wheels = step.wheels && !step.wheels_rejected && aid.odometry.isConfirmed();
-    if (aid.held && !aid.matched && !by_wheels) continue;
+    const bool by_odometry = step.hasOdometry() && robot.odometryOf(step).isConfirmed();
+    if (aid.held && !aid.matched && !by_odometry) continue;
     const Pose2 map_from_base = fleet.pose(robot.window.back().pose);
     if (!map.wants({map_from_base, aid.scan.sectors()}, aid.references, aid.scan)) continue;
     KeyframeMap::Held held;
     held.covariance = robot.covariance;
     std::vector<KeyframeMap::Id> known = aid.references;
     held.odometry = aid.way;
-    map.setJitter(static_cast<std::uint32_t>(&robot - fleet.robots.data()), aid.odometry.jitter());
-    if (aid.anchor && !robot.fix) {
+    map.setJitter(static_cast<std::uint32_t>(&robot - fleet.robots.data()), robot.odometryOf(step).jitter());
+    if (aid.anchor && !robot.absolute_aid.fix) {
       if (aid.anchor->by_match || !aid.way) held.previous = aid.anchor->keyframe;
       held.previous_from_this = aid.anchor->keyframe_from_base;
       held.covariance = aid.anchor->covariance;
@@ -424,8 +442,8 @@ void ScanSource::keep(FleetState& fleet) {
 void ScanSource::assumeCameras(FleetState& fleet) {
   constexpr double kNoticeable = 0.002;  // camera heights, at three heights away: about 1 mm at 1.5 m
   for (RobotNode& robot : fleet.robots) {
-    if (robot.camera == 0 || robot.scan_aid.camera_height_m <= 0) continue;
-    const Eigen::Vector4d& now = robot.published_camera_error;
+    if (robot.camera_aid.error == 0 || robot.scan_aid.camera_height_m <= 0) continue;
+    const Eigen::Vector4d& now = robot.camera_aid.published;
     if (displacement(now - robot.scan_aid.assumed, robot.setup.lens) < kNoticeable) continue;
     robot.scan_aid.assumed = now;
     fleet.keyframes.assume(static_cast<std::uint32_t>(&robot - fleet.robots.data()), now);
@@ -510,7 +528,7 @@ Eigen::Matrix3d ScanSource::inMap(const FleetState& fleet, const RobotNode& robo
   const ScanAid& aid = robot.scan_aid;
   const bool in_window = std::any_of(robot.window.begin(), robot.window.end(),
                                      [](const Step& step) { return step.scan.factor != kNoFactor; });
-  const bool by_landmarks = robot.unobserved == 0 && !in_window;
+  const bool by_landmarks = robot.track_aid.unobserved == 0 && !in_window;
   if (!aid.anchor || by_landmarks || !aid.held) return aid.relative_covariance;
   const KeyframeMap& map = fleet.keyframes;
   const Pose2 way = map.pose(aid.anchor->keyframe).inverse() * fleet.pose(robot.window.back().pose);

@@ -114,7 +114,7 @@ class ScanSource {
  private:
   void fit(const FleetState& fleet, RobotFrame& frame);
   std::optional<double> turnByShift(const Boundary& boundary, const ScanAid& aid, double reach_rad) const;
-  void match(FleetState& fleet, RobotNode& robot, const Boundary& boundary);
+  void match(FleetState& fleet, RobotFrame& frame, const Boundary& boundary);
   scan::Match align(const ScanAid& aid, const Step& step, const Boundary& boundary, const Pose2& predicted,
                     const Eigen::Matrix3d& covariance, const std::vector<std::uint8_t>& skip);
   Eigen::Vector2d gates(const Step& step, const Eigen::Matrix3d& covariance) const;

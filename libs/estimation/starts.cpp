@@ -199,12 +199,13 @@ void moveMap(FleetState& fleet) {
 }  // namespace
 
 void noteSight(RobotNode& robot, const Objects& frame, const std::vector<Seen>& seen) {
-  robot.sight_ns = frame.acquired_ns;
-  robot.scan = frame.scan;
-  robot.sight.clear();
+  robot.sight_aid.time_ns = frame.acquired_ns;
+  robot.sight_aid.scan = frame.scan;
+  robot.sight_aid.glimpses.clear();
   for (const Seen& s : seen)
-    robot.sight.push_back({s.track->position_m, s.view, Footprint(*s.view), s.mature});
-  for (const Glimpse& s : robot.sight) robot.farthest_m = std::max(robot.farthest_m, s.position_m.norm());
+    robot.sight_aid.glimpses.push_back({s.track->position_m, s.view, Footprint(*s.view), s.mature});
+  for (const Glimpse& s : robot.sight_aid.glimpses)
+    robot.sight_aid.farthest_m = std::max(robot.sight_aid.farthest_m, s.position_m.norm());
 }
 
 void checkStarts(FleetState& fleet, const std::vector<RobotNode*>& fresh) {
@@ -213,7 +214,7 @@ void checkStarts(FleetState& fleet, const std::vector<RobotNode*>& fresh) {
   double most = 0.0;
   for (RobotNode* robot : fresh) {
     Start& start = robot->start;
-    if (!start.given || isConfirmed(start) || robot->sight.empty()) continue;
+    if (!start.given || isConfirmed(start) || robot->sight_aid.glimpses.empty()) continue;
     weigh(fleet, *robot);
     // Of all robots that contradict each other the first is believed.
     if (!start.contradicted && start.doubts >= kLong && isContradicted(fleet, *robot) &&

@@ -1,4 +1,5 @@
-// Motion of a robot from frame to frame: by its wheels, by the log of its wheels, or by its last velocity.
+// Motion of a robot from frame to frame: by its wheels, by the log of its wheels, by the texture of the
+// floor, or by its last velocity.
 #include <algorithm>
 #include <cmath>
 
@@ -19,12 +20,12 @@ constexpr double kMotionFloor = 1e-8;  // m², rad²: no step is known better th
 void FleetState::predictByAppearance(const RobotNode& robot, const Appearance& appearance, Step& step) const {
   if (!hasTurn(appearance, step.since_ns, options.appearance)) return;
   const double sigma_rad =
-      robot.compass_quality.scale() * options.appearance.sigma_factor * appearance.turn_sigma_rad;
+      robot.appearance_aid.compass.scale() * options.appearance.sigma_factor * appearance.turn_sigma_rad;
   step.previous_from_current.theta_rad = appearance.turn_rad;
   step.motion_covariance.row(2).setZero();
   step.motion_covariance.col(2).setZero();
   step.motion_covariance(2, 2) = sigma_rad * sigma_rad;
-  const auto length = robot.difference_scale.lengthOf(appearance.difference, appearance.turn_rad);
+  const auto length = robot.appearance_aid.length.lengthOf(appearance.difference, appearance.turn_rad);
   if (!length) return;
   const double sign = step.previous_from_current.x_m < 0 ? -1.0 : 1.0, half = 0.5 * appearance.turn_rad;
   const double m = sign * length->m;
@@ -46,7 +47,7 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   step.since_ns = previous != nullptr ? previous->time_ns : motion.since_ns;
   const double separation = robot.setup.body.wheel_separation_m;
   step.wheels_rejected = motion.wheels_rejected && motion.since_ns == step.since_ns;
-  step.wheels = motion.valid && (robot.wiring == Wiring::kAsConfigured || step.wheels_rejected) &&
+  step.wheels = motion.valid && (robot.wheel_aid.wiring == Wiring::kAsConfigured || step.wheels_rejected) &&
                 motion.previous_from_current.isFinite() && motion.covariance.allFinite() &&
                 motion.since_ns == step.since_ns;
   if (step.wheels) {
@@ -60,18 +61,11 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   } else if (previous != nullptr && fromLog(robot, step)) {
     step.wheels = true;
   } else if (previous != nullptr) {
-    const double dt = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
-    const double last_dt = static_cast<double>(previous->time_ns - previous->since_ns) / kSecond_ns;
-    if (previous->motion != kNoFactor && last_dt > 0) {
-      step.previous_from_current = fractionOf(previous->previous_from_current, std::min(dt / last_dt, 2.0));
-    }
-    // Without observations a wrong speed stays wrong: σ grows with time, not with its root.
-    const double longer = robot.scan_aid.matched ? 1.0 : 2.0 * robot.unobserved + 1.0;
-    step.motion_covariance = longer * unknownMotion(dt);
-    predictByAppearance(robot, frame.appearance, step);
+    predictWithoutWheels(robot, *previous, frame, step);
   }
+  if (step.wheels) robot.floor.predict(frame.floor_motion, options.gate_chi2, step);
   step.motion_covariance.diagonal().array() += kMotionFloor;
-  if (step.wheels && !step.wheels_rejected) addOdometryErrors(robot, step);
+  if (step.hasOdometry()) addOdometryErrors(robot, step);
   step.own_covariance = step.motion_covariance;
   if (frame.state != FrameState::kOk && previous != nullptr) {
     const double unseen_s = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
@@ -82,9 +76,24 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   return step;
 }
 
-/// Adds the errors of the wheels that scan matches have shown.
+/// By the texture of the floor; before that is confirmed, it is the mean of a motion that may be any. Else by
+/// the last velocity and what the images tell.
+void FleetState::predictWithoutWheels(const RobotNode& robot, const Step& previous, const Objects& frame,
+                                      Step& step) const {
+  const double dt = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
+  const double last_dt = static_cast<double>(previous.time_ns - previous.since_ns) / kSecond_ns;
+  if (previous.motion != kNoFactor && last_dt > 0)
+    step.previous_from_current = fractionOf(previous.previous_from_current, std::min(dt / last_dt, 2.0));
+  // Without observations a wrong speed stays wrong: σ grows with time, not with its root.
+  const double longer = robot.scan_aid.matched ? 1.0 : 2.0 * robot.track_aid.unobserved + 1.0;
+  step.motion_covariance = longer * unknownMotion(dt);
+  robot.floor.predict(frame.floor_motion, options.gate_chi2, step);
+  if (!step.by_floor) predictByAppearance(robot, frame.appearance, step);
+}
+
+/// Adds the errors of wheels, or of the floor's texture, that other sources have shown.
 void FleetState::addOdometryErrors(const RobotNode& robot, Step& step) const {
-  const OdometryQuality& quality = robot.scan_aid.odometry;
+  const OdometryQuality& quality = robot.odometryOf(step);
   step.claimed_covariance = step.motion_covariance;
   step.motion_covariance = quality.scaled(step.claimed_covariance);
   step.wheel_covariance = step.motion_covariance;
@@ -101,11 +110,11 @@ Eigen::Matrix3d FleetState::unknownMotion(double over_s) const {
 }
 
 bool FleetState::fromLog(const RobotNode& robot, Step& step) const {
-  if (!robot.log) return false;
-  step.model = graph.value(robot.wheels);
+  if (!robot.wheel_aid.log) return false;
+  step.model = graph.value(robot.wheel_aid.model);
   WheelLog::Motion motion;
-  if (!robot.log->between(step.since_ns, step.time_ns, robot.setup.body.wheel_separation_m, step.model,
-                          robot.delay_sigma_s, motion))
+  if (!robot.wheel_aid.log->between(step.since_ns, step.time_ns, robot.setup.body.wheel_separation_m,
+                                    step.model, robot.wheel_aid.delay_sigma_s, motion))
     return false;
   step.previous_from_current = motion.previous_from_current;
   step.motion_covariance = motion.covariance;

@@ -23,17 +23,17 @@ void jump(FleetState& fleet, RobotFrame& frame, const Pose2& map_from_base) {
   RobotNode& robot = *frame.robot;
   const Step& step = robot.window.back();
   const Pose2 by = fleet.pose(step.pose).inverse() * map_from_base;
-  const bool slipped = !robot.unseen && !robot.displaced && step.wheels &&
-                       by.translation().norm() < robot.unsettled_m + kSlip_m &&
-                       std::abs(wrapAngle(by.theta_rad)) < robot.unsettled_rad + kSlip_rad;
-  const bool measured = (step.wheels && !robot.unseen) || robot.displaced;
+  const bool slipped = !robot.doubt.unseen && !robot.doubt.displaced && step.wheels &&
+                       by.translation().norm() < robot.doubt.unsettled_m + kSlip_m &&
+                       std::abs(wrapAngle(by.theta_rad)) < robot.doubt.unsettled_rad + kSlip_rad;
+  const bool measured = (step.wheels && !robot.doubt.unseen) || robot.doubt.displaced;
   jumpTo(fleet, robot, map_from_base);
   frame.settled = true;
   if (measured && slipped) reportSlip(frame);
-  if (measured && !slipped && !robot.displaced) ++robot.status.losses;
+  if (measured && !slipped && !robot.doubt.displaced) ++robot.status.losses;
   frame.placed_anew = measured && !slipped;
-  robot.displaced = false;
-  robot.claims.clear();
+  robot.doubt.displaced = false;
+  robot.doubt.claims.clear();
 }
 
 /// A robot that is not where its motion has put it is placed anew by what it sees.
@@ -46,18 +46,18 @@ void noticeJump(FleetState& fleet, RobotFrame& frame, bool peers) {
     return;
   }
   frame.settled = at.fit();
-  if (frame.settled || !robot.displaced) robot.claims.clear();
-  if (!frame.settled && robot.displaced && peers) {
+  if (frame.settled || !robot.doubt.displaced) robot.doubt.claims.clear();
+  if (!frame.settled && robot.doubt.displaced && peers) {
     const auto place = followClaims(fleet, robot, frame.seen);
     if (place) {
       jump(fleet, frame, *place);
       return;
     }
   }
-  const bool blind = robot.unsure > 0;
-  if (!blind && at.matches > 0) robot.familiar = true;
+  const bool blind = robot.doubt.unsure > 0;
+  if (!blind && at.matches > 0) robot.doubt.familiar = true;
   const bool strange = 2 * at.matches < at.things && at.missing > 0;
-  const bool all_strange = robot.familiar && at.matches == 0 && at.things > 0;
+  const bool all_strange = robot.doubt.familiar && at.matches == 0 && at.things > 0;
   frame.unfamiliar = blind && (strange || all_strange);
 }
 
@@ -80,18 +80,18 @@ void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns) {
   const Motion& motion = frame.objects->motion;
   const double separation_m = robot.setup.body.wheel_separation_m;
   const bool complete = motion.since_ns == before_ns && (motion.valid || motion.wheels_rejected);
-  if (!frame.follows() || !complete) robot.wheel_trial.interrupt();
+  if (!frame.follows() || !complete) robot.wheel_aid.trial.interrupt();
   if (!frame.sees()) return;
   Motion claimed = complete ? motion : Motion{};
   if (complete && motion.wheels_rejected && separation_m > 0) {
     claimed.valid = true;
     claimed.previous_from_current = arc(motion.left_m, motion.right_m, separation_m);
   }
-  robot.wheel_trial.add(claimed, separation_m, standing(fleet, frame.seen));
+  robot.wheel_aid.trial.add(claimed, separation_m, standing(fleet, frame.seen));
   // Nobody changes wires in a run: little in sight takes nothing back.
-  const Wiring verdict = robot.wheel_trial.verdict();
+  const Wiring verdict = robot.wheel_aid.trial.verdict();
   if (verdict == Wiring::kAsConfigured) return;
-  if (std::exchange(robot.wiring, verdict) == Wiring::kAsConfigured) fleet.disbelieveWheels(robot);
+  if (std::exchange(robot.wheel_aid.wiring, verdict) == Wiring::kAsConfigured) fleet.disbelieveWheels(robot);
 }
 
 void noteRejectedWheels(const FleetState& fleet, RobotFrame& frame) {
@@ -132,7 +132,7 @@ void noticeJumps(FleetState& fleet, std::vector<RobotFrame>& frames) {
   // Who was as blind as it is bears no robot out: they may all have been carried alike.
   for (RobotFrame& frame : frames) {
     frame.settled = frame.settled || frame.robot->scan_aid.suffices;
-    if (frame.isPlaced() && frame.after_gap) frame.robot->unsure = kUnsureFrames + 1;
+    if (frame.isPlaced() && frame.after_gap) frame.robot->doubt.unsure = kUnsureFrames + 1;
   }
   for (const bool peers : {false, true}) {
     for (RobotFrame& frame : frames) {
@@ -143,52 +143,52 @@ void noticeJumps(FleetState& fleet, std::vector<RobotFrame>& frames) {
     if (!frame.isPlaced()) continue;
     RobotNode& robot = *frame.robot;
     if (!frame.sees()) {
-      robot.unsure = kUnsureFrames;
-      robot.claims.clear();
+      robot.doubt.unsure = kUnsureFrames;
+      robot.doubt.claims.clear();
       continue;
     }
-    if (frame.settled) robot.unsettled_m = robot.unsettled_rad = 0.0;
-    robot.unsure = frame.settled ? 0 : std::max(0, robot.unsure - 1);
-    robot.seeing_ns = frame.objects->acquired_ns;
+    if (frame.settled) robot.doubt.unsettled_m = robot.doubt.unsettled_rad = 0.0;
+    robot.doubt.unsure = frame.settled ? 0 : std::max(0, robot.doubt.unsure - 1);
+    robot.doubt.seeing_ns = frame.objects->acquired_ns;
   }
 }
 
 void noticeLoss(FleetState& fleet, RobotFrame& frame) {
   RobotNode& robot = *frame.robot;
   // No line through a pose holds when its heading may be anything.
-  const bool adrift = !robot.window.back().wheels && robot.covariance(2, 2) > kAdrift_rad * kAdrift_rad;
+  const bool adrift = !robot.window.back().isMeasured() && robot.covariance(2, 2) > kAdrift_rad * kAdrift_rad;
   const bool strange = frame.unfamiliar || isDisplaced(fleet, robot, frame.seen);
-  robot.adrift = !strange && (robot.displaced ? robot.adrift : adrift);
+  robot.doubt.adrift = !strange && (robot.doubt.displaced ? robot.doubt.adrift : adrift);
   // What fits by chance, one thing here and another there, does not bring back who is lost. But ranges and
   // bearings may have determined the heading since.
-  const bool found = robot.adrift && !adrift && robot.refusals == 0 &&
+  const bool found = robot.doubt.adrift && !adrift && robot.absolute_aid.refusals == 0 &&
                      robot.covariance(2, 2) < kKnownHeading_rad * kKnownHeading_rad;
-  const bool displaced = !frame.settled && !found && (robot.displaced || adrift || strange);
-  if (displaced && !robot.displaced) ++robot.status.losses;
-  robot.displaced = displaced;
+  const bool displaced = !frame.settled && !found && (robot.doubt.displaced || adrift || strange);
+  if (displaced && !robot.doubt.displaced) ++robot.status.losses;
+  robot.doubt.displaced = displaced;
   if (!displaced) return;
-  robot.object_of_track.clear();
-  robot.suspects.clear();
+  robot.track_aid.known.clear();
+  robot.track_aid.suspects.clear();
   for (Seen& seen : frame.seen) seen.peer = nullptr, seen.landmark = 0;
 }
 
 void noticeCarried(FleetState& fleet, std::vector<RobotFrame>& frames) {
   for (RobotFrame& frame : frames) {
     RobotNode& robot = *frame.robot;
-    if (!frame.isPlaced() || !robot.unseen) continue;
+    if (!frame.isPlaced() || !robot.doubt.unseen) continue;
     if (wasCarried(fleet, robot)) {
       if (!frame.placed_anew) ++robot.status.losses;
       frame.placed_anew = true;
-      robot.unseen.reset();
-    } else if (frame.sees() && robot.unsure == 0) {
-      robot.unseen.reset();
+      robot.doubt.unseen.reset();
+    } else if (frame.sees() && robot.doubt.unsure == 0) {
+      robot.doubt.unseen.reset();
     }
   }
 }
 
 void noteObserved(std::vector<RobotFrame>& frames) {
   const auto known = [](const RobotNode& r) {
-    return r.located() && !r.displaced && (r.unobserved == 0 || r.window.back().wheels);
+    return r.located() && !r.doubt.displaced && (r.track_aid.unobserved == 0 || r.window.back().isMeasured());
   };
   const auto sees = [&](const RobotNode& from, const RobotNode& to) {
     return std::any_of(frames.begin(), frames.end(), [&](const RobotFrame& frame) {
@@ -203,7 +203,7 @@ void noteObserved(std::vector<RobotFrame>& frames) {
         if (seen.landmark != 0) ++known_views;
         if (seen.peer != nullptr && known(*seen.peer)) known_views += sees(*seen.peer, *frame.robot) ? 2 : 1;
       }
-      if (known_views >= 2) frame.robot->unobserved = 0;
+      if (known_views >= 2) frame.robot->track_aid.unobserved = 0;
     }
   }
 }
@@ -229,10 +229,11 @@ Eigen::Matrix3d slipCovariance() {
 void noteState(const FleetState& fleet, const RobotFrame& frame) {
   RobotNode& robot = *frame.robot;
   if (!frame.fresh || !robot.located()) return;
-  const bool lost = robot.displaced || robot.refusals >= kDoubts || robot.start.contradicted;
+  const bool lost =
+      robot.doubt.displaced || robot.absolute_aid.refusals >= kDoubts || robot.start.contradicted;
   robot.status.state = lost ? RobotState::kLost : RobotState::kOk;
   robot.status.message =
-      lost ? (robot.adrift ? headingLost() : localizationLost()) : describeDoubt(fleet, robot);
+      lost ? (robot.doubt.adrift ? headingLost() : localizationLost()) : describeDoubt(fleet, robot);
   if (robot.start.contradicted) robot.status.message = initialPoseNotMapped();
   if (frame.placed_anew) {
     constexpr int kOften = 3;  // nobody carries a robot so often
@@ -240,15 +241,24 @@ void noteState(const FleetState& fleet, const RobotFrame& frame) {
   }
   if (frame.slipped) robot.status.state = RobotState::kSlipping;
   if (frame.slipped) robot.status.message = wheelSlip();
-  if (robot.wiring == Wiring::kAsConfigured) return;
+  if (robot.wheel_aid.wiring == Wiring::kAsConfigured) return;
   // All else that is wrong comes of it.
-  robot.status.message = wheelAssignmentWrong(robot.wiring);
+  robot.status.message = wheelAssignmentWrong(robot.wheel_aid.wiring);
   if (!lost) robot.status.state = RobotState::kSlipping;
 }
 
 void reportSlip(RobotFrame& frame) {
   frame.slipped = true;
   ++frame.robot->status.slips;
+}
+
+void rejectStep(RobotFrame& frame) {
+  if (!frame.robot->window.back().by_floor) {
+    reportSlip(frame);
+    return;
+  }
+  frame.robot->floor.reject();
+  frame.floor_rejected = true;
 }
 
 }  // namespace omnifleet::estimation

@@ -15,11 +15,12 @@ struct RobotFrame {
   RobotNode* robot;
   bool fresh;  ///< newer than the robot's last frame
   std::vector<Seen> seen;
-  bool placed_anew = false;  ///< by what it sees, after it was carried away
-  bool slipped = false;      ///< its wheels disagree with what is seen
-  bool unfamiliar = false;   ///< of what it sees little is known, and what is known is not seen
-  bool settled = false;      ///< it is where its motion has put it, or has been put elsewhere
-  bool after_gap = false;    ///< for much longer than usual no frame has come: what was done to it nobody saw
+  bool placed_anew = false;     ///< by what it sees, after it was carried away
+  bool slipped = false;         ///< its wheels disagree with what is seen
+  bool floor_rejected = false;  ///< everything else contradicts its motion by the floor
+  bool unfamiliar = false;      ///< of what it sees little is known, and what is known is not seen
+  bool settled = false;         ///< it is where its motion has put it, or has been put elsewhere
+  bool after_gap = false;  ///< for much longer than usual no frame has come: what was done to it nobody saw
   /// The pose by the last one and its motion alone; none on a robot's first frame.
   std::optional<Pose2> predicted = std::nullopt;
   Eigen::Matrix3d predicted_covariance = Eigen::Matrix3d::Identity();  ///< of it in map, right perturbation
@@ -68,5 +69,8 @@ void noteState(const FleetState& fleet, const RobotFrame& frame);
 
 /// The wheels have rolled what the robot has not gone.
 void reportSlip(RobotFrame& frame);
+
+/// Everything else contradicts the motion of the newest step: its wheels slip, or the floor deceives.
+void rejectStep(RobotFrame& frame);
 
 }  // namespace omnifleet::estimation

@@ -15,9 +15,9 @@ constexpr double kPublishAgain =
 /// What was said and is not borne out is taken back.
 void acquit(FleetState& fleet, RobotNode& robot, const CameraFinding& finding, bool settled) {
   const CameraFinding::Quantities withdrawn =
-      robot.camera_accused & ~(settled ? finding.wrong() : finding.possible());
+      robot.camera_aid.accused & ~(settled ? finding.wrong() : finding.possible());
   if (withdrawn.none()) return;
-  robot.camera_accused &= ~withdrawn;
+  robot.camera_aid.accused &= ~withdrawn;
   fleet.findings.push_back(calibrationErrorWithdrawn(robot.setup.name, CameraFinding::name(withdrawn)));
 }
 
@@ -27,7 +27,7 @@ CameraFinding::Quantities lasting(RobotNode& robot, const CameraFinding& finding
   constexpr int kPersistent = 15;  // keyframes: half a metre, or a turn of 45°
   CameraFinding::Quantities which;
   for (std::size_t i = 0; i < which.size(); ++i) {
-    int& keyframes = robot.camera_doubts[i];
+    int& keyframes = robot.camera_aid.doubts[i];
     if (!finding.wrong()[i]) keyframes = 0;
     if (finding.wrong()[i] && robot.located() && robot.window.back().keyframe) ++keyframes;
     which[i] = finding.wrong()[i] && (settled || keyframes >= kPersistent);
@@ -38,25 +38,25 @@ CameraFinding::Quantities lasting(RobotNode& robot, const CameraFinding& finding
 /// So that the calibration can be mended: again as it becomes surer, and at the end.
 void reportCameraError(FleetState& fleet, RobotNode& robot, bool settled) {
   constexpr double kSurer = 0.5;
-  const CameraFinding finding(fleet.cameraError(robot), robot.camera_covariance, fleet.options.camera);
+  const CameraFinding finding(fleet.cameraError(robot), robot.camera_aid.covariance, fleet.options.camera);
   acquit(fleet, robot, finding, settled);
   const CameraFinding::Quantities wrong = lasting(robot, finding, settled);
-  const double variance = robot.camera_covariance.diagonal().head<4>().sum();
-  const bool surer = robot.camera_said <= 0 || variance <= kSurer * kSurer * robot.camera_said;
+  const double variance = robot.camera_aid.covariance.diagonal().head<4>().sum();
+  const bool surer = robot.camera_aid.said <= 0 || variance <= kSurer * kSurer * robot.camera_aid.said;
   if (wrong.none() || !(settled || surer) ||
-      displacement(robot.published_camera_error, robot.setup.lens) <= kPublishAgain)
+      displacement(robot.camera_aid.published, robot.setup.lens) <= kPublishAgain)
     return;
-  robot.camera_said = variance;
-  robot.camera_accused |= wrong;
+  robot.camera_aid.said = variance;
+  robot.camera_aid.accused |= wrong;
   fleet.findings.push_back(calibrationError(robot.setup.name, finding.describe(wrong)));
 }
 
 /// Whoever maps by it maps anew when it changes, so it changes only by what is worth that, and at the end.
 void publishCameraError(FleetState& fleet, RobotNode& robot, bool settled) {
   const Eigen::Vector4d now =
-      believedError(fleet.cameraError(robot), robot.camera_covariance, fleet.options.camera);
-  if (settled || displacement(now - robot.published_camera_error, robot.setup.lens) > kPublishAgain)
-    robot.published_camera_error = now;
+      believedError(fleet.cameraError(robot), robot.camera_aid.covariance, fleet.options.camera);
+  if (settled || displacement(now - robot.camera_aid.published, robot.setup.lens) > kPublishAgain)
+    robot.camera_aid.published = now;
   reportCameraError(fleet, robot, settled);
 }
 
@@ -70,10 +70,10 @@ void updateUncertainty(FleetState& fleet, bool whole, bool settled) {
   for (const auto& [id, landmark] : fleet.landmarks) wanted.push_back(landmark.variable);
   for (const auto& [name, point] : fleet.points) wanted.push_back(point.variable);
   for (const RobotNode& robot : fleet.robots) {
-    if (robot.camera != 0) wanted.push_back(robot.camera);
+    if (robot.camera_aid.error != 0) wanted.push_back(robot.camera_aid.error);
   }
   for (const RobotNode& robot : fleet.robots) {
-    if (robot.log) wanted.push_back(robot.wheels);
+    if (robot.wheel_aid.log) wanted.push_back(robot.wheel_aid.model);
   }
   if (wanted.empty()) return;
   const Eigen::MatrixXd covariance =
@@ -95,14 +95,14 @@ void updateUncertainty(FleetState& fleet, bool whole, bool settled) {
     at += 2;
   }
   for (RobotNode& robot : fleet.robots) {
-    if (robot.camera == 0) continue;
-    robot.camera_covariance = covariance.block<kCameraErrors, kCameraErrors>(at, at);
+    if (robot.camera_aid.error == 0) continue;
+    robot.camera_aid.covariance = covariance.block<kCameraErrors, kCameraErrors>(at, at);
     publishCameraError(fleet, robot, settled);
     at += kCameraErrors;
   }
   for (RobotNode& robot : fleet.robots) {
-    if (!robot.log) continue;
-    robot.delay_sigma_s = std::sqrt(covariance(at + kDelay, at + kDelay));
+    if (!robot.wheel_aid.log) continue;
+    robot.wheel_aid.delay_sigma_s = std::sqrt(covariance(at + kDelay, at + kDelay));
     at += WheelModel::RowsAtCompileTime;
   }
 }

@@ -47,6 +47,24 @@ struct Motion {
                                        ///< estimated from the objects, or unknown (`valid` is false).
 };
 
+/// Motion of the robot since its previous frame, from the texture of the floor.
+struct FloorMotion {
+  bool valid = false;                                    ///< false without texture, and after a gap
+  TimeNs since_ns = 0;                                   ///< acquisition time of the previous frame
+  Pose2 previous_from_current;                           ///< base_link(previous) ← base_link(current)
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the right perturbation (x, y, θ); m, rad
+};
+
+/// The same as a motion by wheels that have not rolled.
+inline Motion asMotion(const FloorMotion& floor) {
+  Motion motion;
+  motion.valid = floor.valid;
+  motion.since_ns = floor.since_ns;
+  motion.previous_from_current = floor.previous_from_current;
+  motion.covariance = floor.covariance;
+  return motion;
+}
+
 /// A point on the surface of an object.
 struct ScenePoint {
   Eigen::Vector3f point_m = Eigen::Vector3f::Zero();  ///< base_link; z is the height over the floor
@@ -108,6 +126,7 @@ struct LocalMap {
   FrameState state = FrameState::kOk;
   double camera_height_m = 0.0;  ///< H of the prism model: height of the camera over the floor
   Motion motion;
+  FloorMotion floor_motion;
   std::vector<ObjectObservation> objects;
   Scan scan;
   Boundary boundary;  ///< for scan matching
@@ -145,6 +164,7 @@ struct Objects {
   FrameState state = FrameState::kOk;
   double camera_height_m = 0.0;
   Motion motion;
+  FloorMotion floor_motion;
   std::vector<Track> tracks;
   Scan scan;  ///< with decided labels; `object` is the track id
   Boundary boundary;

@@ -53,6 +53,21 @@ bool fromWire(const v1::Motion& from, Motion& to) {
   return to.previous_from_current.isFinite() && to.covariance.allFinite() && finite(to.left_m, to.right_m);
 }
 
+void toWire(const FloorMotion& from, v1::FloorMotion& to) {
+  to.valid(from.valid);
+  to.since_ns(from.since_ns);
+  to.previous_from_current(pose(from.previous_from_current));
+  matrixToWire<3>(from.covariance, to.covariance());
+}
+
+bool fromWire(const v1::FloorMotion& from, FloorMotion& to) {
+  to.valid = from.valid();
+  to.since_ns = from.since_ns();
+  to.previous_from_current = pose(from.previous_from_current());
+  to.covariance = matrixFromWire<3>(from.covariance());
+  return to.previous_from_current.isFinite() && to.covariance.allFinite();
+}
+
 void toWire(const Scan& from, v1::Scan& to) {
   const std::size_t n = std::min(from.range_m.size(), kMaxRays);
   to.origin(point(from.origin_m));

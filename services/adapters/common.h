@@ -75,6 +75,8 @@ void toWire(const ScenePoint& from, v1::ScenePoint& to);
 bool fromWire(const v1::ScenePoint& from, ScenePoint& to);
 void toWire(const Motion& from, v1::Motion& to);
 bool fromWire(const v1::Motion& from, Motion& to);
+void toWire(const FloorMotion& from, v1::FloorMotion& to);
+bool fromWire(const v1::FloorMotion& from, FloorMotion& to);
 void toWire(const Scan& from, v1::Scan& to);
 bool fromWire(const v1::Scan& from, Scan& to);
 void toWire(const Boundary& from, v1::Boundary& to);
@@ -94,6 +96,7 @@ void frameToWire(const Frame& from, RunClock clock, Wire& to) {
   to.state(static_cast<v1::FrameState>(from.state));
   to.camera_height_m(from.camera_height_m);
   toWire(from.motion, to.motion());
+  toWire(from.floor_motion, to.floor_motion());
   toWire(from.scan, to.scan());
   toWire(from.boundary, to.boundary());
   toWire(from.appearance, to.appearance());
@@ -117,6 +120,7 @@ bool frameFromWire(const Wire& from, Frame& to) {
   to.camera_height_m = from.camera_height_m();
   bool good = enumFromWire(from.state(), FrameState::kOutOfOrder, to.state);
   good = fromWire(from.motion(), to.motion) && good;
+  good = fromWire(from.floor_motion(), to.floor_motion) && good;
   good = fromWire(from.scan(), to.scan) && good;
   good = fromWire(from.appearance(), to.appearance) && good;
   return fromWire(from.boundary(), to.boundary) && good && finite(to.camera_height_m);

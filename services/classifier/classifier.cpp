@@ -102,8 +102,9 @@ const Objects& Classifier::process(const LocalMap& received, const std::vector<P
   const LocalMap& local_map = withCheckedMotion(received);
   const bool seeing = local_map.state == FrameState::kOk;
   copyHeader(local_map);
-  if (seeing || local_map.motion.valid) {
-    const bool continuous = own_motion_.advance(local_map.motion, local_map.acquired_ns);
+  const Motion step = local_map.motion.valid ? local_map.motion : asMotion(local_map.floor_motion);
+  if (seeing || step.valid) {
+    const bool continuous = own_motion_.advance(step, local_map.acquired_ns);
     tracker_.predict(own_motion_, continuous);
   } else {
     tracker_.markUnseen();
@@ -130,6 +131,7 @@ void Classifier::copyHeader(const LocalMap& local_map) {
   objects_.state = local_map.state;
   objects_.camera_height_m = local_map.camera_height_m;
   objects_.motion = local_map.motion;
+  objects_.floor_motion = local_map.floor_motion;
   objects_.scan = local_map.scan;
   objects_.boundary = local_map.boundary;
   objects_.appearance = local_map.appearance;

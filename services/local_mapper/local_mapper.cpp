@@ -22,6 +22,7 @@ Options Options::read(const options::Section& section) {
   o.scan = ScanOptions::read(section.child("scan"));
   o.boundary = ground::BoundaryOptions::read(section.child("boundary"));
   o.skirting = ground::SkirtingOptions::read(section.child("skirting"));
+  o.floor_motion = FloorOdometryOptions::read(section.child("floor_motion"));
   o.flow = flow::FeatureFlowOptions::read(section.child("flow"));
   section.finish();
   return o;
@@ -53,7 +54,9 @@ struct LocalMapper::Stages {
         scan(correction, view, o.scan),
         boundary(camera, view, o.boundary),
         skirting(camera.height(), boundary, o.skirting),
-        flow(correction, o.flow) {}
+        flow(correction, o.flow) {
+    if (o.floor_motion.use == "always") floor_odometry.emplace(camera, view, o.floor_motion.alignment);
+  }
   Stages(const Stages&) = delete;  // the steps refer to camera and view
   Stages& operator=(const Stages&) = delete;
 
@@ -90,6 +93,7 @@ struct LocalMapper::Stages {
   FloorScan scan;
   ground::FloorBoundary boundary;
   ground::Skirting skirting;
+  std::optional<FloorOdometry> floor_odometry;
   flow::FeatureFlow flow;
 
   const std::vector<ground::Blob>* labelled = nullptr;
@@ -183,7 +187,10 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
     return s.map;
   }
   s.findBoundary(frame.image);
-  s.flow.track(s.object_blobs, s.blob_of_object, wheels, s.map.objects);  // eq. 2–7 and the filter of §III.5
+  if (s.floor_odometry)
+    s.map.floor_motion = s.floor_odometry->add(frame.acquired_ns, frame.image, s.segmenter.objects(), wheels);
+  const Motion own = wheels.valid ? wheels : asMotion(s.map.floor_motion);
+  s.flow.track(s.object_blobs, s.blob_of_object, own, s.map.objects);  // eq. 2–7 and the filter of §III.5
   if (s.options.silhouette.outline == "features") {
     for (ObjectObservation& object : s.map.objects) s.silhouette.measureFeatures(object);
   }
@@ -216,6 +223,7 @@ void LocalMapper::Stages::begin(const Frame& frame, const Motion& wheels) {
   map.sequence = frame.sequence;
   map.camera_height_m = camera.height();
   map.motion = wheels;
+  map.floor_motion = {};
   for (; !map.objects.empty(); map.objects.pop_back()) spare_objects.push_back(std::move(map.objects.back()));
   silhouette.forgetRejected();
   flow.forgetRejected();

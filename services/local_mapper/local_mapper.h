@@ -16,6 +16,7 @@
 #include "lens/camera.h"
 #include "lens/correction.h"
 #include "local_mapper/camera_faults.h"
+#include "local_mapper/floor_odometry.h"
 #include "local_mapper/floor_scan.h"
 #include "local_mapper/frame_check.h"
 #include "local_mapper/lens_occlusion.h"
@@ -41,6 +42,7 @@ struct Options {
   ScanOptions scan;                      ///< `scan`
   ground::BoundaryOptions boundary;      ///< `boundary`: where the floor ends, for localization
   ground::SkirtingOptions skirting;      ///< `skirting`: boards along walls that look like floor
+  FloorOdometryOptions floor_motion;     ///< `floor_motion`: motion by the texture of the floor
   flow::FeatureFlowOptions flow;         ///< `flow`: §III.3 and the filter of §III.5
   static Options read(const options::Section& section);
 };

@@ -31,6 +31,13 @@ double laserAge(const fleet::Fleet& fleet) {
   return age_s;
 }
 
+/// Options of one robot's mapper: whether the texture of the floor measures its motion.
+local_mapper::Options robotOptions(const fleet::Fleet& fleet, const fleet::RobotSpec& robot) {
+  local_mapper::Options o = fisheyeOptions(fleet);
+  o.floor_motion.use = o.floor_motion.isUsed(robot.has_wheels) ? "always" : "never";
+  return o;
+}
+
 local_mapper::LocalMapper makeMapper(const fleet::CameraSpec& camera, const local_mapper::Options& options) {
   try {
     return {lens::Camera(camera.model), options};
@@ -69,7 +76,7 @@ LocalMapperService::LocalMapperService(const bus::ServiceContext& context, const
            fleet::expectedReaders(fleet, "local_map", camera_.robot)),
       integrator_(makeIntegrator(fleet, fleet.robot(camera_.robot))),
       wheel_check_(makeWheelCheck(context, fleet, camera_.robot)),
-      mapper_(makeMapper(camera_, fisheyeOptions(fleet))),
+      mapper_(makeMapper(camera_, robotOptions(fleet, fleet.robot(camera_.robot)))),
       lens_check_(camera_.model, local_mapper::ImageCircleOptions::read(
                                      fleet.service("local_mapper").child("image_circle"))),
       laser_age_ns_(static_cast<TimeNs>(1e9 * laserAge(fleet))) {

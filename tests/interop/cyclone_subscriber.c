@@ -35,6 +35,12 @@ static void print_motion(const omnifleet_v1_Motion *m) {
   printf(" %.17g %.17g %d", m->left_m, m->right_m, m->wheels_rejected);
 }
 
+static void print_floor_motion(const omnifleet_v1_FloorMotion *m) {
+  printf(" %d %" PRId64, (int)m->valid, m->since_ns);
+  printf(" %.17g %.17g %.17g", m->previous_from_current.x, m->previous_from_current.y, m->previous_from_current.theta);
+  print_doubles(m->covariance, 9);
+}
+
 static void print_scan(const omnifleet_v1_Scan *s) {
   print_point(&s->origin);
   printf(" %.17g %" PRIu32, s->blind_m, s->range_m._length);
@@ -68,6 +74,7 @@ static void print_objects(const omnifleet_v1_Objects *o) {
   print_header(&o->header);
   printf(" %d %.17g", (int)o->state, o->camera_height_m);
   print_motion(&o->motion);
+  print_floor_motion(&o->floor_motion);
   printf(" %" PRIu32, o->tracks._length);
   for (uint32_t i = 0; i < o->tracks._length; ++i) print_track(&o->tracks._buffer[i]);
   print_scan(&o->scan);

@@ -90,6 +90,11 @@ std::string lineOf(const v1::Objects& o) {
            m.previous_from_current().theta());
   line.doubles(m.covariance());
   line.put(" %.17g %.17g %d", m.left_m(), m.right_m(), m.wheels_rejected());
+  const v1::FloorMotion& f = o.floor_motion();
+  line.put(" %d %" PRId64, f.valid(), static_cast<std::int64_t>(f.since_ns()));
+  line.put(" %.17g %.17g %.17g", f.previous_from_current().x(), f.previous_from_current().y(),
+           f.previous_from_current().theta());
+  line.doubles(f.covariance());
   line.put(" %zu", o.tracks().size());
   for (const v1::Track& t : o.tracks()) put(line, t);
   line.point(o.scan().origin());

@@ -11,99 +11,19 @@
 #include <utility>
 #include <vector>
 
-#include "tests/unit/ground/synthetic_floor.h"
+#include "tests/unit/ground/textured_floor.h"
 
 namespace omnifleet::ground {
 namespace {
 
 constexpr TimeNs kFrame_ns = 200'000'000;
 
-/// Random texture with mean 0 and standard deviation 1 in a square of 4 m around the origin of map.
-class AlignmentTexture {
- public:
-  AlignmentTexture(double sigma_m, unsigned seed) : map_(kSide, kSide) {
-    cv::RNG random(seed);
-    random.fill(map_, cv::RNG::NORMAL, 0.0, 1.0);
-    cv::GaussianBlur(map_, map_, {}, sigma_m / kStep_m);
-    cv::Scalar mean, sigma;
-    cv::meanStdDev(map_, mean, sigma);
-    map_ = (map_ - mean[0]) / sigma[0];
-  }
-  double at(const Eigen::Vector2d& point) const {
-    const double u = std::clamp(point.x() / kStep_m + 0.5 * kSide, 0.0, kSide - 1.01),
-                 v = std::clamp(point.y() / kStep_m + 0.5 * kSide, 0.0, kSide - 1.01);
-    const int i = static_cast<int>(u), j = static_cast<int>(v);
-    const double f = u - i, g = v - j;
-    return (1 - g) * ((1 - f) * map_(j, i) + f * map_(j, i + 1)) +
-           g * ((1 - f) * map_(j + 1, i) + f * map_(j + 1, i + 1));
-  }
-
- private:
-  static constexpr int kSide = 1600;
-  static constexpr double kStep_m = 0.0025;
-  cv::Mat1f map_;
-};
-
-struct AlignmentLook {
-  double contrast = 0.05;  ///< σ of the texture ÷ brightness
-  double gain = 1.0, noise = 1.5;
-  bool has_shadow = false;  ///< of the robot, on the same pixels in each frame
-  double dirt = 0.0;        ///< σ of a texture that is fixed in the image ÷ brightness
-};
-
-/// Renders a floor through the lens; each pixel is the mean of four rays.
-class AlignmentScene {
- public:
-  AlignmentScene() : camera(testing::fisheye()), view(camera, ViewOptions{}) {
-    const auto& model = camera.model();
-    for (int v = 0; v < model.image_height_px; ++v)
-      for (int u = 0; u < model.image_width_px; ++u)
-        for (const auto& off : {Eigen::Vector2d(-0.25, -0.25), Eigen::Vector2d(0.25, -0.25),
-                                Eigen::Vector2d(-0.25, 0.25), Eigen::Vector2d(0.25, 0.25)}) {
-          const auto point = camera.floorFromPixel(Eigen::Vector2d(u, v) + off);
-          points_.push_back(point && point->norm() < 1.5 ? *point : Eigen::Vector2d(NAN, NAN));
-        }
-  }
-
-  cv::Mat1b image(const AlignmentTexture& texture, const Pose2& map_from_base, const AlignmentLook& look,
-                  unsigned seed) const {
-    const auto& model = camera.model();
-    cv::Mat1b image(model.image_height_px, model.image_width_px, std::uint8_t{0});
-    std::mt19937 random(seed);
-    std::normal_distribution<double> noise(0.0, look.noise);
-    const Eigen::Matrix2d rotation = map_from_base.rotation();
-    const Eigen::Vector2d translation = map_from_base.translation();
-    for (std::size_t i = 0; i < image.total(); ++i) {
-      const Eigen::Vector2d& first = points_[4 * i];
-      if (std::isnan((points_[4 * i] + points_[4 * i + 1] + points_[4 * i + 2] + points_[4 * i + 3]).x()))
-        continue;
-      double sum = 0.0;
-      if (look.contrast > 0.0)
-        for (std::size_t k = 0; k < 4; ++k) sum += texture.at(rotation * points_[4 * i + k] + translation);
-      double light = 130.0 * (1.0 - 0.15 * first.squaredNorm());
-      if (look.dirt > 0.0) light *= 1.0 + look.dirt * dirt_.at(first);
-      if (look.has_shadow && std::abs(first.y() - 0.3) < 0.12 && first.x() > 0.0) light *= 0.6;
-      image.data[i] = cv::saturate_cast<std::uint8_t>(look.gain * light * (1.0 + look.contrast * 0.25 * sum) +
-                                                      noise(random));
-    }
-    return image;
-  }
-
-  lens::Camera camera;
-  FloorView view;
-
- private:
-  std::vector<Eigen::Vector2d> points_;  ///< four per pixel
-  AlignmentTexture dirt_{0.008, 99};
-};
-
-const AlignmentScene& alignmentScene() {
-  static const AlignmentScene scene;
-  return scene;
-}
+using testing::FloorLook;
+using testing::FloorTexture;
+using testing::texturedFloor;
 
 FloorAlignment makeAlignment() {
-  return {alignmentScene().camera, alignmentScene().view, FloorAlignmentOptions{}};
+  return {texturedFloor().camera, texturedFloor().view, FloorAlignmentOptions{}};
 }
 
 Pose2 errorOf(const FloorAlignment::Result& result, const Pose2& truth) {
@@ -119,8 +39,8 @@ const Pose2 kAlignmentMotion{0.11, -0.04, 0.12};
 constexpr double kDegree = M_PI / 180.0;
 
 TEST(FloorAlignment, RecoversMotionOnTexturedFloor) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 1);
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 1);
   FloorAlignment alignment = makeAlignment();
   EXPECT_FALSE(alignment.add(0, scene.image(texture, {}, {}, 1), {}, std::nullopt).valid);
   const auto& result = alignment.add(kFrame_ns, scene.image(texture, kAlignmentMotion, {}, 2), {},
@@ -135,8 +55,8 @@ TEST(FloorAlignment, RecoversMotionOnTexturedFloor) {
 }
 
 TEST(FloorAlignment, GivesTheSameResultForColourImages) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 2);
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 2);
   const cv::Mat1b before = scene.image(texture, {}, {}, 1),
                   after = scene.image(texture, kAlignmentMotion, {}, 2);
   const auto coloured = [](const cv::Mat1b& green) {
@@ -156,8 +76,8 @@ TEST(FloorAlignment, GivesTheSameResultForColourImages) {
 
 /// The frames chain: each reference is a frame whose pose is known from the one before.
 TEST(FloorAlignment, AccumulatesLittleErrorOverTwoMetres) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 3);
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 3);
   FloorAlignment alignment = makeAlignment();
   std::map<TimeNs, Pose2> estimates{{0, {}}};
   const Pose2 step{0.05, 0.0, 0.09};
@@ -182,9 +102,9 @@ TEST(FloorAlignment, AccumulatesLittleErrorOverTwoMetres) {
 
 /// On a plain floor only noise remains. A wrong but valid result would harm the estimator.
 TEST(FloorAlignment, IsNeverValidOnPlainFloor) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 4);
-  AlignmentLook plain;
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 4);
+  FloorLook plain;
   plain.contrast = 0.0;
   for (unsigned seed = 0; seed < 50; ++seed) {
     plain.noise = 1.0 + 0.05 * seed;
@@ -200,14 +120,14 @@ TEST(FloorAlignment, IsNeverValidOnPlainFloor) {
 /// The errors are as large as the covariance states: NEES has mean 3 for three degrees of freedom. The
 /// standard deviation of its mean over 25 seeds is 0.5.
 TEST(FloorAlignment, StatesItsCovariance) {
-  const auto& scene = alignmentScene();
+  const auto& scene = texturedFloor();
   for (const double contrast : {0.006, 0.012}) {
-    AlignmentLook look;
+    FloorLook look;
     look.contrast = contrast;
     double sum = 0.0;
     int valid = 0;
     for (unsigned seed = 0; seed < 25; ++seed) {
-      const AlignmentTexture texture(0.008, 100 + seed);
+      const FloorTexture texture(0.008, 100 + seed);
       FloorAlignment alignment = makeAlignment();
       alignment.add(0, scene.image(texture, {}, look, 2 * seed), {}, std::nullopt);
       const auto& result =
@@ -224,9 +144,9 @@ TEST(FloorAlignment, StatesItsCovariance) {
 }
 
 TEST(FloorAlignment, ToleratesChangeOfGain) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 5);
-  AlignmentLook darker;
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 5);
+  FloorLook darker;
   darker.gain = 0.6;
   FloorAlignment alignment = makeAlignment();
   alignment.add(0, scene.image(texture, {}, {}, 1), {}, std::nullopt);
@@ -237,8 +157,8 @@ TEST(FloorAlignment, ToleratesChangeOfGain) {
 }
 
 TEST(FloorAlignment, CorrectsWrongPredictionOrIsInvalid) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 6);
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 6);
   const cv::Mat1b before = scene.image(texture, {}, {}, 1),
                   after = scene.image(texture, kAlignmentMotion, {}, 2);
   int valid = 0;
@@ -260,11 +180,11 @@ TEST(FloorAlignment, CorrectsWrongPredictionOrIsInvalid) {
 
 /// Half of the annulus shows a textured surface that moves with the robot.
 TEST(FloorAlignment, IgnoresMaskedObjects) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture floor(0.008, 7), object(0.008, 8);
+  const auto& scene = texturedFloor();
+  const FloorTexture floor(0.008, 7), object(0.008, 8);
   const cv::Rect half(320, 0, 320, 480);
   cv::Mat1b before = scene.image(floor, {}, {}, 1), after = scene.image(floor, kAlignmentMotion, {}, 2);
-  AlignmentLook strong;
+  FloorLook strong;
   strong.contrast = 0.2;
   scene.image(object, {}, strong, 3)(half).copyTo(before(half));
   scene.image(object, {0.13, -0.03, 0.14}, strong, 4)(half).copyTo(after(half));
@@ -287,9 +207,9 @@ struct AlignmentDrive {
 };
 
 /// Drives 1.1 m straight ahead, with exact wheels.
-AlignmentDrive driveStraight(const AlignmentLook& look, unsigned seed) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, seed);
+AlignmentDrive driveStraight(const FloorLook& look, unsigned seed) {
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, seed);
   FloorAlignment alignment = makeAlignment();
   std::map<TimeNs, Pose2> truth;
   Pose2 pose{-0.6, 0.0, 0.0};
@@ -310,7 +230,7 @@ AlignmentDrive driveStraight(const AlignmentLook& look, unsigned seed) {
 
 /// The shadow of the robot itself stays in place in the image. Its edges are much stronger than the texture.
 TEST(FloorAlignment, IsNotPulledByShadowThatMovesAlong) {
-  AlignmentLook look;
+  FloorLook look;
   look.contrast = 0.02;
   look.has_shadow = true;
   const AlignmentDrive drive = driveStraight(look, 9);
@@ -321,7 +241,7 @@ TEST(FloorAlignment, IsNotPulledByShadowThatMovesAlong) {
 
 /// Dirt on the lens as strong as the texture: half of the signal stays in place.
 TEST(FloorAlignment, IsNotPulledByDirtOnTheLens) {
-  AlignmentLook look;
+  FloorLook look;
   look.contrast = look.dirt = 0.02;
   const AlignmentDrive drive = driveStraight(look, 9);
   EXPECT_GE(drive.valid, 30);
@@ -332,7 +252,7 @@ TEST(FloorAlignment, IsNotPulledByDirtOnTheLens) {
 /// Without texture, the dirt alone matches at zero motion.
 TEST(FloorAlignment, IsNotValidWhereOnlyDirtMatches) {
   for (const double dirt : {0.005, 0.02, 0.1}) {
-    AlignmentLook look;
+    FloorLook look;
     look.contrast = 0.0;
     look.dirt = dirt;
     EXPECT_EQ(driveStraight(look, 10).valid, 0) << dirt;
@@ -343,9 +263,9 @@ TEST(FloorAlignment, IsNotValidWhereOnlyDirtMatches) {
 
 /// Contrast of a plain floor under a dirty lens, before and after twelve rasters of a textured floor.
 std::pair<float, float> contrastBeforeAndAfterLearning(double dirt) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 15);
-  AlignmentLook plain, textured;
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 15);
+  FloorLook plain, textured;
   plain.contrast = 0.0;
   textured.contrast = 0.02;
   plain.dirt = textured.dirt = dirt;
@@ -370,8 +290,8 @@ TEST(FloorRaster, SubtractsWhatIsFixedInTheImage) {
 
 /// Without wheels: the coarse search finds motions far beyond the reach of Gauss–Newton.
 TEST(FloorAlignment, FindsLargeMotionWithoutPrediction) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.015, 11);
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.015, 11);
   const cv::Mat1b before = scene.image(texture, {}, {}, 1);
   for (const Pose2& motion : {Pose2{0.14, 0.05, 0.2}, Pose2{-0.06, 0.12, -0.25}, Pose2{0.1, 0.0, 0.0}}) {
     FloorAlignment alignment = makeAlignment();
@@ -386,8 +306,8 @@ TEST(FloorAlignment, FindsLargeMotionWithoutPrediction) {
 /// Without wheels, standing still cannot be distinguished from a plain floor under a dirty lens until the
 /// robot has moved.
 TEST(FloorAlignment, NeedsMotionBeforeItIsValidWithoutWheels) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 12);
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 12);
   FloorAlignment alignment = makeAlignment();
   alignment.add(0, scene.image(texture, {}, {}, 1), {}, std::nullopt);
   EXPECT_FALSE(alignment.add(kFrame_ns, scene.image(texture, {}, {}, 2), {}, std::nullopt).valid);
@@ -405,8 +325,8 @@ TEST(FloorAlignment, NeedsMotionBeforeItIsValidWithoutWheels) {
 }
 
 TEST(FloorAlignment, StartsAnewAfterForget) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 13);
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 13);
   FloorAlignment alignment = makeAlignment();
   alignment.add(0, scene.image(texture, {}, {}, 1), {}, std::nullopt);
   alignment.forget();
@@ -416,8 +336,8 @@ TEST(FloorAlignment, StartsAnewAfterForget) {
 }
 
 TEST(FloorAlignment, SkipsFramesThatShowTooLittleFloor) {
-  const auto& scene = alignmentScene();
-  const AlignmentTexture texture(0.008, 14);
+  const auto& scene = texturedFloor();
+  const FloorTexture texture(0.008, 14);
   FloorAlignment alignment = makeAlignment();
   const cv::Mat1b everywhere(scene.view.imageSize(), std::uint8_t{255});
   const cv::Mat1b image = scene.image(texture, {}, {}, 1);
@@ -434,7 +354,7 @@ TEST(FloorAlignment, RejectsCamerasWithoutFloorInTheAnnulus) {
   FloorAlignmentOptions options;
   options.inner_m = 0.05;
   options.outer_m = 0.2;  // hidden by the robot
-  EXPECT_THROW(FloorAlignment(alignmentScene().camera, alignmentScene().view, options), options::Error);
+  EXPECT_THROW(FloorAlignment(texturedFloor().camera, texturedFloor().view, options), options::Error);
   EXPECT_THROW(FloorAlignmentOptions::read(options::Section::parse("inner_m: 0.9\nouter_m: 0.5", "test")),
                options::Error);
 }

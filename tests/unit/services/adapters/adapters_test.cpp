@@ -219,6 +219,8 @@ TEST(Adapters, RejectsNonFiniteNumbersInEveryField) {
       [](auto& w) { w.motion().previous_from_current().theta(std::numeric_limits<double>::infinity()); },
       [](auto& w) { w.motion().covariance()[4] = kNan; },
       [](auto& w) { w.motion().left_m(kNan); },
+      [](auto& w) { w.floor_motion().previous_from_current().y(kNan); },
+      [](auto& w) { w.floor_motion().covariance()[8] = kNan; },
       [](auto& w) { w.scan().origin().y(kNan); },
       [](auto& w) { w.scan().blind_m(kNan); },
       [](auto& w) { w.scan().range_m()[2] = kNanF; },

@@ -46,6 +46,15 @@ inline Motion someMotion(Counter& n) {
   return m;
 }
 
+inline FloorMotion someFloorMotion(Counter& n) {
+  FloorMotion m;
+  m.valid = true;
+  m.since_ns = 123456789012346;
+  m.previous_from_current = n.pose();
+  m.covariance = n.matrix<3>();
+  return m;
+}
+
 inline Scan someScan(Counter& n) {
   Scan s;
   s.origin_m = n.point();
@@ -117,6 +126,7 @@ Frame someFrame(Counter& n) {
   f.state = FrameState::kDark;
   f.camera_height_m = n.next();
   f.motion = someMotion(n);
+  f.floor_motion = someFloorMotion(n);
   f.scan = someScan(n);
   return f;
 }
@@ -129,6 +139,13 @@ inline void expectEqual(const Motion& a, const Motion& b) {
   EXPECT_EQ(a.left_m, b.left_m);
   EXPECT_EQ(a.right_m, b.right_m);
   EXPECT_EQ(a.wheels_rejected, b.wheels_rejected);
+}
+
+inline void expectEqual(const FloorMotion& a, const FloorMotion& b) {
+  EXPECT_EQ(a.valid, b.valid);
+  EXPECT_EQ(a.since_ns, b.since_ns);
+  EXPECT_EQ(a.previous_from_current.vector(), b.previous_from_current.vector());
+  EXPECT_EQ(a.covariance, b.covariance);
 }
 
 inline void expectEqual(const Scan& a, const Scan& b) {
@@ -158,6 +175,7 @@ inline void expectEqualFrames(const Frame& a, const Frame& b) {
   EXPECT_EQ(a.state, b.state);
   EXPECT_EQ(a.camera_height_m, b.camera_height_m);
   expectEqual(a.motion, b.motion);
+  expectEqual(a.floor_motion, b.floor_motion);
   expectEqual(a.scan, b.scan);
 }
 
