@@ -62,6 +62,7 @@ struct Step {
   WheelModel model = WheelModel::Zero();           ///< … with which it was measured
   TimeNs since_ns = 0;                             ///< what previous_from_current starts from
   bool wheels = false;                             ///< motion was measured
+  bool rejected = false;                           ///< everything else contradicts its measured motion
   bool by_floor = false;           ///< motion by the texture of the floor, which other sources have confirmed
   std::optional<FloorStep> floor;  ///< what the texture of the floor says of it
   bool by_appearance = false;      ///< without wheels: only the images measure turn and length
@@ -79,7 +80,7 @@ struct Step {
   /// Wheels or floor have measured its motion.
   bool isMeasured() const { return wheels || by_floor; }
   /// … and nothing has contradicted them.
-  bool hasOdometry() const { return (wheels && !wheels_rejected) || by_floor; }
+  bool hasOdometry() const { return !rejected && ((wheels && !wheels_rejected) || by_floor); }
 };
 
 /// What a track was taken for the last time.
@@ -204,7 +205,7 @@ struct CameraAid {
   double said = 0.0;            ///< sum of the variances of the last report
 };
 
-/// What the images of one robot tell of its motion.
+/// What the images of one robot show of its motion.
 struct AppearanceAid {
   DifferenceScale length;
   CompassQuality compass;

@@ -52,6 +52,7 @@ void joinRobot(FleetState& fleet, RobotNode& robot, const FleetState& own, const
   robot.place_aid.memory.append(theirs.place_aid.memory, first, map_from_own, map);
   robot.place_aid.way = theirs.place_aid.way;
   robot.appearance_aid.length = theirs.appearance_aid.length;
+  robot.floor = theirs.floor;
   robot.appearance_aid.compass = theirs.appearance_aid.compass;
   robot.covariance = theirs.covariance;
 

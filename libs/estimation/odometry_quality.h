@@ -35,6 +35,8 @@ class OdometryQuality {
 
   /// As many matches as the prior weighs have measured its turns.
   bool isConfirmed() const { return turn_.steps >= options_.prior_steps; }
+  /// … and as many its ways, in all directions.
+  bool areWaysConfirmed() const { return way_.steps >= options_.prior_steps; }
   double jitterM() const { return jitter_m_; }      ///< m, σ of a frame's place on the path of the wheels
   double jitterRad() const { return jitter_rad_; }  ///< rad, of its heading
   double wayScale() const { return way_scale_; }  ///< σ of the path, in units of what the wheels claim; ≥ 1

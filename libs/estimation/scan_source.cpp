@@ -182,6 +182,19 @@ bool ScanSource::accept(const scan::Match& match, const Pose2& predicted, const 
   return by.translation().norm() < wider * gates.x() && std::abs(by.theta_rad) < wider * gates.y();
 }
 
+/// Whether a match that was found as if nothing had measured the step shows that the robot has not moved as
+/// measured: nearly all lines meet, in every direction, and beyond what the prediction allows.
+/// @param covariance of `predicted` @param gates as if nothing had measured the step
+bool ScanSource::refutesStep(const scan::Match& match, const Pose2& predicted,
+                             const Eigen::Matrix3d& covariance, const Eigen::Vector2d& gates,
+                             double gate_chi2) const {
+  if (!match.valid || match.chi2 > options_.max_chi2 || match.matched < options_.nearly_all) return false;
+  if (!(largestSigma(match.information) < options_.full_rank_m)) return false;
+  const Pose2 by = predicted.inverse() * match.map_from_scan;
+  return by.translation().norm() < gates.x() && std::abs(by.theta_rad) < gates.y() &&
+         by.vector().dot(covariance.ldlt().solve(by.vector())) > gate_chi2;
+}
+
 /// Whether the scan alone puts the robot elsewhere than absolute measurements do.
 /// @param prior covariance of `predicted`, which rests on these measurements
 bool ScanSource::contradicts(const scan::Match& match, const Pose2& predicted,
@@ -275,18 +288,17 @@ void ScanSource::match(FleetState& fleet, RobotFrame& frame, const Boundary& bou
   bool accepted =
       accept(found, scan_predicted, (j * covariance * j.transpose()).inverse(), gates) &&
       !(robot.absolute_aid.fix && contradicts(found, scan_predicted, j * covariance * j.transpose()));
-  const bool few = !accepted || found.matched < options_.nearly_all;
-  if (few && step.isMeasured() && !robot.absolute_aid.fix) {
-    // As if nothing had measured the step.
+  const bool few = !accepted || found.matched < options_.min_matched;
+  if (few && step.isMeasured() && step.motion != kNoFactor && !robot.absolute_aid.fix) {
     const Eigen::Matrix3d unknown =
-                              fleet.unknownMotion(static_cast<double>(step.time_ns - step.since_ns) * 1e-9),
-                          open = covariance + unknown;
-    const scan::Match other = align(aid, step, boundary, scan_predicted, open, skip);
-    if (other.matched >= options_.nearly_all && largestSigma(other.information) < options_.full_rank_m &&
-        accept(other, scan_predicted, (j * open * j.transpose()).inverse(), this->gates(step, open))) {
+        fleet.unknownMotion(static_cast<double>(step.time_ns - step.since_ns) * 1e-9);
+    const scan::Match other = align(aid, step, boundary, scan_predicted, covariance + unknown, skip);
+    if (refutesStep(other, scan_predicted, j * covariance * j.transpose(),
+                    this->gates(step, covariance + unknown), fleet.options.gate_chi2)) {
       found = other;
       accepted = true;
       fleet.loosen(robot, step.motion_covariance + unknown);
+      aid.way.reset();
       rejectStep(frame);
     }
   }
@@ -366,7 +378,7 @@ void ScanSource::link(FleetState& fleet, RobotNode& robot, const scan::Match& ma
   value(2) += wrapAngle(map_from_base.theta_rad - value(2));
   const bool full_rank = largestSigma(link.information) < options_.full_rank_m;
   const Eigen::Matrix3d loose = Eigen::Matrix3d::Identity() / (kUnknown_m * kUnknown_m);
-  if (step.wheels && !step.wheels_rejected && !step.by_floor)
+  if (step.wheels && !step.wheels_rejected && !step.by_floor && !step.rejected)
     aid.odometry.add(by, (link.information + loose).inverse() + link.systematic, step.claimed_covariance,
                      step.previous_from_current.translation().norm());
   else
@@ -404,7 +416,9 @@ void ScanSource::keep(FleetState& fleet) {
     held.covariance = robot.covariance;
     std::vector<KeyframeMap::Id> known = aid.references;
     held.odometry = aid.way;
-    map.setJitter(static_cast<std::uint32_t>(&robot - fleet.robots.data()), robot.odometryOf(step).jitter());
+    if (step.hasOdometry())
+      map.setJitter(static_cast<std::uint32_t>(&robot - fleet.robots.data()),
+                    robot.odometryOf(step).jitter());
     if (aid.anchor && !robot.absolute_aid.fix) {
       if (aid.anchor->by_match || !aid.way) held.previous = aid.anchor->keyframe;
       held.previous_from_this = aid.anchor->keyframe_from_base;

@@ -118,6 +118,8 @@ class ScanSource {
   scan::Match align(const ScanAid& aid, const Step& step, const Boundary& boundary, const Pose2& predicted,
                     const Eigen::Matrix3d& covariance, const std::vector<std::uint8_t>& skip);
   Eigen::Vector2d gates(const Step& step, const Eigen::Matrix3d& covariance) const;
+  bool refutesStep(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& covariance,
+                   const Eigen::Vector2d& gates, double gate_chi2) const;
   bool contradicts(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& prior) const;
   bool accept(const scan::Match& match, const Pose2& predicted, const Eigen::Matrix3d& prior,
               const Eigen::Vector2d& gates) const;

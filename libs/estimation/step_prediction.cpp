@@ -63,7 +63,7 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   } else if (previous != nullptr) {
     predictWithoutWheels(robot, *previous, frame, step);
   }
-  if (step.wheels) robot.floor.predict(frame.floor_motion, options.gate_chi2, step);
+  if (step.wheels) robot.floor.predict(frame.floor_motion, robot.scan_aid.odometry, options.gate_chi2, step);
   step.motion_covariance.diagonal().array() += kMotionFloor;
   if (step.hasOdometry()) addOdometryErrors(robot, step);
   step.own_covariance = step.motion_covariance;
@@ -76,8 +76,8 @@ Step FleetState::predictStep(const RobotNode& robot, const Objects& frame) const
   return step;
 }
 
-/// By the texture of the floor; before that is confirmed, it is the mean of a motion that may be any. Else by
-/// the last velocity and what the images tell.
+/// By the texture of the floor if it is confirmed. Else by what the images show; failing that the floor, or
+/// the last velocity, is the mean of a motion that may be any.
 void FleetState::predictWithoutWheels(const RobotNode& robot, const Step& previous, const Objects& frame,
                                       Step& step) const {
   const double dt = static_cast<double>(step.time_ns - step.since_ns) / kSecond_ns;
@@ -85,9 +85,10 @@ void FleetState::predictWithoutWheels(const RobotNode& robot, const Step& previo
   if (previous.motion != kNoFactor && last_dt > 0)
     step.previous_from_current = fractionOf(previous.previous_from_current, std::min(dt / last_dt, 2.0));
   // Without observations a wrong speed stays wrong: σ grows with time, not with its root.
-  const double longer = robot.scan_aid.matched ? 1.0 : 2.0 * robot.track_aid.unobserved + 1.0;
+  const double longer =
+      robot.scan_aid.matched || previous.isMeasured() ? 1.0 : 2.0 * robot.track_aid.unobserved + 1.0;
   step.motion_covariance = longer * unknownMotion(dt);
-  robot.floor.predict(frame.floor_motion, options.gate_chi2, step);
+  robot.floor.predict(frame.floor_motion, robot.scan_aid.odometry, options.gate_chi2, step);
   if (!step.by_floor) predictByAppearance(robot, frame.appearance, step);
 }
 

@@ -97,7 +97,7 @@ void tryWheels(FleetState& fleet, RobotFrame& frame, TimeNs before_ns) {
 void noteRejectedWheels(const FleetState& fleet, RobotFrame& frame) {
   constexpr double kNews_m = 0.03, kNews_rad = 0.05;  // less is no news to people
   const auto& window = frame.robot->window;
-  if (!frame.fresh || window.size() < 2) return;
+  if (!frame.fresh || frame.slipped || window.size() < 2) return;
   const Step& step = window.back();
   if (!step.wheels_rejected || !(frame.robot->setup.body.wheel_separation_m > 0)) return;
   const Pose2 way = fleet.pose(window[window.size() - 2].pose).inverse() * fleet.pose(step.pose);
@@ -253,6 +253,7 @@ void reportSlip(RobotFrame& frame) {
 }
 
 void rejectStep(RobotFrame& frame) {
+  frame.robot->window.back().rejected = true;
   if (!frame.robot->window.back().by_floor) {
     reportSlip(frame);
     return;

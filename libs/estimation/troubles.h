@@ -70,7 +70,8 @@ void noteState(const FleetState& fleet, const RobotFrame& frame);
 /// The wheels have rolled what the robot has not gone.
 void reportSlip(RobotFrame& frame);
 
-/// Everything else contradicts the motion of the newest step: its wheels slip, or the floor deceives.
+/// Everything else contradicts the motion of the newest step: its wheels slip, or the texture of the floor is
+/// wrong.
 void rejectStep(RobotFrame& frame);
 
 }  // namespace omnifleet::estimation

@@ -10,6 +10,12 @@ FloorOdometryOptions FloorOdometryOptions::read(const options::Section& section)
   return o;
 }
 
+void FloorOdometry::forget() {
+  alignment_.forget();
+  previous_ns_.reset();
+  previous_.reset();
+}
+
 FloorMotion FloorOdometry::add(TimeNs time, const cv::Mat& image, const cv::Mat1b& objects,
                                const Motion& wheels) {
   std::optional<Pose2> predicted;

@@ -14,6 +14,7 @@ namespace omnifleet::local_mapper {
 struct FloorOdometryOptions {
   /// `auto`: for robots without wheels; `always`; `never`. It costs about as much as a third of a local map.
   std::string use = "auto";
+  bool is_optional = false;  ///< a camera that does not see the annulus is no error
   ground::FloorAlignmentOptions alignment;
   static FloorOdometryOptions read(const options::Section& section);
   bool isUsed(bool has_wheels) const { return use == "always" || (use == "auto" && !has_wheels); }
@@ -31,6 +32,8 @@ class FloorOdometry {
   /// @param image CV_8UC1, or CV_8UC3 (BGR) @param objects not 0 where a pixel is not floor
   /// @param wheels motion since the previous frame, used as prediction if it is valid
   FloorMotion add(TimeNs time, const cv::Mat& image, const cv::Mat1b& objects, const Motion& wheels);
+  /// Frames before do not lead to the next one: a gap, or an image that shows no floor.
+  void forget();
 
  private:
   struct Aligned {

@@ -55,7 +55,12 @@ struct LocalMapper::Stages {
         boundary(camera, view, o.boundary),
         skirting(camera.height(), boundary, o.skirting),
         flow(correction, o.flow) {
-    if (o.floor_motion.use == "always") floor_odometry.emplace(camera, view, o.floor_motion.alignment);
+    if (o.floor_motion.use != "always") return;
+    try {
+      floor_odometry.emplace(camera, view, o.floor_motion.alignment);
+    } catch (const options::Error&) {
+      if (!o.floor_motion.is_optional) throw;
+    }
   }
   Stages(const Stages&) = delete;  // the steps refer to camera and view
   Stages& operator=(const Stages&) = delete;
@@ -63,6 +68,7 @@ struct LocalMapper::Stages {
   void begin(const Frame& frame, const Motion& wheels);
   FrameState findRegions(const cv::Mat& image, const Motion& wheels);
   void discard();
+  void forget();
   OcclusionCheck::FrameContent content() const;
   void measureObjects(const cv::Mat& image);
   void findBoundary(const cv::Mat& image);
@@ -176,7 +182,7 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
                "clean the lens"};
   }
   if (s.map.state == FrameState::kOk) s.map.state = s.findRegions(frame.image, wheels);
-  if (!s.check.follows() || s.map.state != FrameState::kOk) s.flow.forget();
+  if (!s.check.follows() || s.map.state != FrameState::kOk) s.forget();
   if (s.map.state != FrameState::kOk) return s.map;
   s.flow.push(frame.image, {s.segmenter.cellMeans(), s.view.rows()}, *s.blobs);  // §III.3: pyramid
   s.measureObjects(frame.image);  // §III.4–5: outline on the floor, hull, scan
@@ -197,10 +203,16 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
   return s.map;
 }
 
+/// The next frame does not follow those before.
+void LocalMapper::Stages::forget() {
+  flow.forget();
+  if (floor_odometry) floor_odometry->forget();
+}
+
 /// Rejects what an occluded camera shows.
 void LocalMapper::Stages::discard() {
   map.state = FrameState::kDark;
-  flow.forget();
+  forget();
   map.scan.range_m.clear();
   map.scan.sigma_m.clear();
   map.scan.label.clear();

@@ -34,6 +34,7 @@ double laserAge(const fleet::Fleet& fleet) {
 /// Options of one robot's mapper: whether the texture of the floor measures its motion.
 local_mapper::Options robotOptions(const fleet::Fleet& fleet, const fleet::RobotSpec& robot) {
   local_mapper::Options o = fisheyeOptions(fleet);
+  o.floor_motion.is_optional = o.floor_motion.use == "auto";
   o.floor_motion.use = o.floor_motion.isUsed(robot.has_wheels) ? "always" : "never";
   return o;
 }
@@ -218,6 +219,7 @@ void LocalMapperService::process(const bus::FrameView& view) {
     local_map_.objects.clear();
     local_map_.scan = {};
     local_map_.boundary.clear();
+    local_map_.floor_motion = {};
     if (appearance_) local_map_.appearance = appearance_->skip();
   }
   adapters::toWire(local_map_, clock_, sample_);

@@ -12,6 +12,7 @@ void registerMap(const Plan& plan);
 void registerStages(Scenes& scenes, const Plan& plan);
 void registerImages(Scenes& scenes, const Plan& plan);
 void registerDistanceVector(const Plan& plan);
+void registerFloorMotion(const Plan& plan);
 void registerAppearance(const Plan& plan);
 void registerTransport(const Plan& plan);
 void registerFleet(Scenes& scenes, const Plan& plan);

@@ -35,6 +35,7 @@ int main(int argc, char** argv) {
   registerStages(scenes, plan);
   registerImages(scenes, plan);
   registerDistanceVector(plan);
+  registerFloorMotion(plan);
   registerAppearance(plan);
   registerTransport(plan);
   registerFleet(scenes, plan);

@@ -52,7 +52,8 @@ struct FloorLook {
 /// Renders a floor through the lens; each pixel is the mean of four rays.
 class TexturedFloor {
  public:
-  TexturedFloor() : camera(fisheye()), view(camera, ViewOptions{}) {
+  explicit TexturedFloor(int width = 640, int height = 480)
+      : camera(fisheye(width, height)), view(camera, ViewOptions{}) {
     const auto& model = camera.model();
     for (int v = 0; v < model.image_height_px; ++v)
       for (int u = 0; u < model.image_width_px; ++u)

@@ -74,12 +74,31 @@ TEST(FloorOdometry, MeasuresEachStepThatWheelsPredict) {
   EXPECT_LT(drive.worst_m, 1e-3);
   EXPECT_LT(drive.worst_rad, 1e-3);
   EXPECT_LT(drive.nees, 6.0);
+  EXPECT_GT(drive.nees, 0.1);
 }
 
 TEST(FloorOdometry, NamesTheFrameThatEachMotionStartsFrom) {
   const FloorDrive drive = driveOnFloor({}, true, 6);
   for (std::size_t k = 1; k < drive.motions.size(); ++k)
     EXPECT_EQ(drive.motions[k].since_ns, static_cast<TimeNs>(k - 1) * kFloorPeriod_ns) << k;
+}
+
+TEST(FloorOdometry, MeasuresNothingAcrossAGap) {
+  const FloorTexture texture(0.008, 5);
+  FloorOdometry odometry = floorOdometry();
+  const auto add = [&](unsigned k) {
+    Motion wheels;
+    wheels.valid = k > 0;
+    wheels.since_ns = (k - 1) * kFloorPeriod_ns;
+    wheels.previous_from_current = {0.06, 0.0, 0.0};
+    return odometry.add(k * kFloorPeriod_ns, texturedFloor().image(texture, {0.06 * k, 0.0, 0.0}, {}, k + 1),
+                        {}, wheels);
+  };
+  for (unsigned k = 0; k < 6; ++k) add(k);
+  EXPECT_TRUE(add(6).valid);
+  odometry.forget();
+  EXPECT_FALSE(add(7).valid);
+  EXPECT_TRUE(add(8).valid);
 }
 
 TEST(FloorOdometry, SaysNothingOnPlainFloor) {
