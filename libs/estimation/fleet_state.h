@@ -233,9 +233,9 @@ struct LocalizationAid {
 struct AbsoluteAid {
   std::optional<AbsoluteFix> fix;  ///< of its newest frame
   bool accepted = false;           ///< since its last frame an absolute measurement has been accepted
-  int disagreements = 0;           ///< absolute measurements in a row that the gate refused
-  int refusals = 0;                ///< ranges and bearings in a row that the gate refused
-  std::set<std::string> refused;   ///< of which things
+  int disagreements = 0;           ///< absolute measurements in a row that the gate rejected
+  int refusals = 0;                ///< ranges and bearings in a row that the gate rejected
+  std::set<std::string> refused;   ///< of which points and robots
 };
 
 /// What one robot saw in the newest frame that showed anything.
@@ -253,7 +253,7 @@ struct TrackAid {
   int unobserved = 0;  ///< frames since it has seen enough whose place or motion is known
 };
 
-/// Whether a robot that sees objects may be elsewhere: slipped, carried or lost.
+/// Fault detection of a robot that sees objects: slip, kidnapping, lost localization.
 struct DoubtAid {
   bool familiar = false;                          ///< it saw something that it knew, before it saw nothing
   bool displaced = false;                         ///< it sees nothing of what should be there, …
@@ -261,7 +261,7 @@ struct DoubtAid {
   std::vector<Claim> claims;                      ///< displaced, it may be here
   double claimed_m = 0.0;                         ///< rolled since these were weighed last
   double unsettled_m = 0.0, unsettled_rad = 0.0;  ///< rolled since what it sees has fitted last
-  int unsure = 0;  ///< it has seen nothing for a while; frames in which it may find that it was carried away
+  int unsure = 0;  ///< after a time without any view: frames in which a kidnapping may still be detected
   TimeNs seeing_ns = 0;          ///< when it could see last
   std::optional<Unseen> unseen;  ///< while it sees nothing or has not been found since
 };

@@ -15,12 +15,12 @@ struct RobotFrame {
   RobotNode* robot;
   bool fresh;  ///< newer than the robot's last frame
   std::vector<Seen> seen;
-  bool placed_anew = false;     ///< by what it sees, after it was carried away
+  bool placed_anew = false;     ///< relocalized by its observations, after a kidnapping
   bool slipped = false;         ///< its wheels disagree with what is seen
   bool floor_rejected = false;  ///< everything else contradicts its motion by the floor
   bool unfamiliar = false;      ///< of what it sees little is known, and what is known is not seen
   bool settled = false;         ///< it is where its motion has put it, or has been put elsewhere
-  bool after_gap = false;  ///< for much longer than usual no frame has come: what was done to it nobody saw
+  bool after_gap = false;       ///< no frame came for much longer than usual: a kidnapping is possible
   /// The pose by the last one and its motion alone; none on a robot's first frame.
   std::optional<Pose2> predicted = std::nullopt;
   Eigen::Matrix3d predicted_covariance = Eigen::Matrix3d::Identity();  ///< of it in map, right perturbation
