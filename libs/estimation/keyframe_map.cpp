@@ -77,26 +77,32 @@ std::vector<KeyframeMap::Id> KeyframeMap::nearest(const Viewpoint& at, const std
   return ids;
 }
 
-/// Which keyframes are known relative to one of them (Dijkstra's algorithm over variances).
+/// Which keyframes are known relative to one of them (Dijkstra's algorithm over variances). The wheels' own
+/// way has places beside the keyframes: a clock that is wrong about each frame counts once, however long the
+/// way.
 std::vector<bool> KeyframeMap::related(Id from, double variance_m2) const {
   const double most_m2 = options_.trust_m * options_.trust_m;
-  using Entry = std::pair<double, Id>;
+  using Entry = std::pair<double, std::size_t>;  // 2·id: a keyframe; 2·id + 1: where the wheels were then
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
-  std::vector<double> best(keyframes_.size(), std::numeric_limits<double>::infinity());
+  std::vector<double> best(2 * keyframes_.size(), std::numeric_limits<double>::infinity());
   std::vector<bool> known(keyframes_.size(), false);
-  best[from] = std::min(variance_m2, most_m2);  // the keyframe itself is always known
-  open.emplace(best[from], from);
+  const auto reach = [&](std::size_t place, double variance) {
+    if (variance > most_m2 || variance >= best[place]) return;
+    best[place] = variance;
+    open.emplace(variance, place);
+  };
+  reach(2 * std::size_t{from}, std::min(variance_m2, most_m2));  // the keyframe itself is always known
   while (!open.empty()) {
-    const auto [variance, at] = open.top();
+    const auto [variance, place] = open.top();
     open.pop();
-    if (variance > best[at]) continue;
-    known[at] = true;
-    for (const Edge& edge : keyframes_[at].edges) {
-      const double there = variance + edge.variance_m2;
-      if (there > most_m2 || there >= best[edge.to]) continue;
-      best[edge.to] = there;
-      open.emplace(there, edge.to);
-    }
+    if (variance > best[place]) continue;
+    const Id id = static_cast<Id>(place / 2);
+    const Keyframe& at = keyframes_[id];
+    const bool is_keyframe = place % 2 == 0;
+    if (is_keyframe) known[id] = true;
+    if (at.odometry) reach(place ^ 1U, variance + placeVariance(jitter(id)));
+    for (const Edge& edge : is_keyframe ? at.edges : at.ways)
+      reach(2 * std::size_t{edge.to} + (is_keyframe ? 0 : 1), variance + edge.variance_m2);
   }
   return known;
 }
@@ -192,7 +198,7 @@ KeyframeMap::Id KeyframeMap::add(const Pose2& map_from_base, Source source, cons
   graph_.setCamera(source.camera, source.assumed);
   scan::BeamFields fields;
   if (source.rich) fields = beamFields(scan, source.camera_height_m, source.lens);
-  keyframes_.push_back({node, {}, 0, std::move(source), scan, std::move(fields), scan.sectors(), {}});
+  keyframes_.push_back({node, {}, 0, std::move(source), scan, std::move(fields), scan.sectors(), {}, {}});
   keyframes_.back().scan.compact();
   if (held.odometry) chainOdometry(id, *held.odometry);
   // A match of the frame says again what those of the pairs say, which follow the calibration.
@@ -233,9 +239,9 @@ scan::KeyframeGraph::Id KeyframeMap::odometryNode(Id keyframe) {
 void KeyframeMap::chainOdometry(Id id, const Odometry& odometry) {
   const auto from = odometryNode(odometry.previous), to = odometryNode(id);
   graph_.addRelative(from, to, odometry.previous_from_this, odometry.covariance);
-  const double variance_m2 = placeVariance(odometry.covariance + 2.0 * jitter(id));
-  keyframes_[odometry.previous].edges.push_back({id, variance_m2});
-  keyframes_[id].edges.push_back({odometry.previous, variance_m2});
+  const double variance_m2 = placeVariance(odometry.covariance);
+  keyframes_[odometry.previous].ways.push_back({id, variance_m2});
+  keyframes_[id].ways.push_back({odometry.previous, variance_m2});
 }
 
 void KeyframeMap::assume(std::uint32_t camera, const Eigen::Vector4d& error) {
@@ -272,6 +278,7 @@ KeyframeMap::Id KeyframeMap::append(const KeyframeMap& other, const Pose2& map_f
     if (copy.odometry) copy.odometry = *copy.odometry + in_graph.pose;
     copy.beside += in_graph.constraint;
     for (Edge& edge : copy.edges) edge.to += first;
+    for (Edge& way : copy.ways) way.to += first;
     if (copy.source.camera < other.jitter_.size())
       jitter_[copy.source.camera] = other.jitter_[copy.source.camera];
   }

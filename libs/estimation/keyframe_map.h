@@ -155,7 +155,8 @@ class KeyframeMap {
     scan::LineScan scan;
     scan::BeamFields fields;
     std::uint64_t sectors;
-    std::vector<Edge> edges;
+    std::vector<Edge> edges;  ///< by scans, …
+    std::vector<Edge> ways;   ///< … and by the wheels' own way, from `odometry` to `odometry`
   };
   double overlap(const Viewpoint& at, Id keyframe) const;
   std::vector<bool> related(Id from, double variance_m2) const;

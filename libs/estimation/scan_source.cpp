@@ -86,6 +86,7 @@ ScanSourceOptions ScanSourceOptions::read(const options::Section& section) {
   section.read("basin_m", o.basin_m, options::kNotNegative);
   section.read("basin_rad", o.basin_rad, options::kNotNegative);
   section.read("search_m", o.search_m, kPositive);
+  section.read("laser_bearing_sigma_rad", o.laser_bearing_sigma_rad, options::kNotNegative);
   section.read("full_rank_m", o.full_rank_m, kPositive);
   section.finish();
   return o;
@@ -131,7 +132,8 @@ void ScanSource::fit(const FleetState& fleet, RobotFrame& frame) {
       if (seen.informative && distanceTo(seen.track->hull_m, end) < kOutline_m) aid.on_object[i] = 1;
   }
   correctBoundary(boundary, aid.assumed, aid.camera_height_m, robot.setup.lens, corrected_);
-  aid.scan.fit(corrected_, aid.usable);
+  const bool is_laser = !(aid.camera_height_m > 0);
+  aid.scan.fit(corrected_, aid.usable, is_laser ? options_.laser_bearing_sigma_rad : 0.0);
   aid.has_scan = aid.scan.lines() >= static_cast<std::size_t>(fleet.keyframes.options().min_lines);
 }
 

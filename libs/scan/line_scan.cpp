@@ -104,7 +104,17 @@ void LineScan::fitBeam(int i) {
   }
 }
 
-void LineScan::fit(const Boundary& boundary, const std::vector<bool>& usable) {
+void LineScan::addBearingError(std::size_t i, double sigma_rad) {
+  Beam& beam = beams_[i];
+  const Eigen::Vector2f& u = bearings_[i];
+  const double by_bearing = sigma_rad * static_cast<double>(beam.line.dot(Eigen::Vector2f(-u.y(), u.x()))),
+               variance = static_cast<double>(beam.sigma) * beam.sigma,
+               sum = variance + by_bearing * by_bearing;
+  beam.line_covariance *= static_cast<float>(sum / variance);
+  beam.sigma = static_cast<float>(std::sqrt(sum));
+}
+
+void LineScan::fit(const Boundary& boundary, const std::vector<bool>& usable, double bearing_sigma_rad) {
   const std::size_t n = boundary.inverse_m.size();
   prepareBearings(n);
   beams_.assign(n, Beam{});
@@ -121,6 +131,7 @@ void LineScan::fit(const Boundary& boundary, const std::vector<bool>& usable) {
   sumUp();
   for (std::size_t i = 0; i < n; ++i) {
     fitBeam(static_cast<int>(i));
+    if (bearing_sigma_rad > 0 && beams_[i].has_line) addBearingError(i, bearing_sigma_rad);
     lines_ += beams_[i].has_line ? 1 : 0;
   }
   summarise();

@@ -26,7 +26,9 @@ class LineScan {
   /// one end) that a line explains with χ² per degree of freedom below 2. Beams without one (corners, depth
   /// jumps) take part in no match. Prefix sums make the cost independent of the windows.
   /// @param usable false: leave the beam out (it hits a robot); empty: all count
-  void fit(const Boundary& boundary, const std::vector<bool>& usable = {});
+  /// @param bearing_sigma_rad rad, error of each bearing. On a line a·u it moves s by a·u′ per radian: far
+  ///   beams at grazing angles are known less well than their ranges. 0: bearings are exact (cameras)
+  void fit(const Boundary& boundary, const std::vector<bool>& usable = {}, double bearing_sigma_rad = 0.0);
 
   /// Information about the pose of the scan that its lines carry: that of a match against a noiseless copy of
   /// itself. Right perturbation. @param skip not 0: leave the beam out; empty: all count
@@ -63,6 +65,7 @@ class LineScan {
   void sumUp();
   Sums window(int from, int to) const;
   void fitBeam(int i);
+  void addBearingError(std::size_t i, double sigma_rad);
   void summarise();
 
   std::vector<Beam> beams_;

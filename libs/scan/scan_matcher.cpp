@@ -14,6 +14,7 @@ constexpr double kLeastInverse = 0.02;  // 1/m
 constexpr double kPointSigmas = 3.0;
 constexpr double kLoose = 1.0;  // 1/m², 1/rad²: information where a match leaves a direction open
 constexpr std::size_t kSectors = 48;
+constexpr double kFewSectors = 10.0;  // times the scatter of few sectors, at most
 constexpr int kPoseParameters = 3;
 constexpr double kConverged = 2e-5;  // m, rad
 
@@ -169,12 +170,14 @@ CalibrationTerms ScanMatcher::calibrationTerms(const LineScan& scan, const Pose2
   return terms;
 }
 
-/// Mean over the directions of the pose of its variance by the sectors' gradients, over that by the
-/// information (cluster-robust covariance of an M-estimator; Liang, Zeger 1986): the gradients are weighed by
-/// the true derivative of the robust cost, and adjacent sectors go together (Newey, West 1987, lag 1). Far
-/// from the optimum, where the prior holds the pose, the robust cost is not convex: there the information
-/// stands for the derivative. Of sums over all references; divided by their number it is that of their mean.
-double ScanMatcher::scatter() const {
+/// Variance of the pose by the sectors' gradients, over that by the information, for each principal direction
+/// of the information (cluster-robust covariance of an M-estimator; Liang, Zeger 1986). The directions
+/// differ: along a corridor few beams carry information, so a few wrong pairs decide. The gradients are
+/// weighed by the true derivative of the robust cost, and adjacent sectors go together (Newey, West 1987, lag
+/// 1). Far from the optimum, where the prior holds the pose, the robust cost is not convex: there the
+/// information stands for the derivative. The sectors hold sums over all references; per_reference makes
+/// their mean of them.
+ScanMatcher::Scatter ScanMatcher::scatter(double per_reference) const {
   constexpr double kAdjacent = 0.5;         // weight of lag 1
   constexpr double kLeastDerivative = 0.5;  // 1, of the information; normal noise has 0.8
   Eigen::Matrix3d total = Eigen::Matrix3d::Zero(), derivative = Eigen::Matrix3d::Zero();
@@ -186,7 +189,8 @@ double ScanMatcher::scatter() const {
     g += sector.g;
     filled += sector.h.isZero() ? 0 : 1;
   }
-  if (filled <= kPoseParameters) return 1.0;
+  Scatter scatter;
+  if (filled <= kPoseParameters) return scatter;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(total);
   const Eigen::Matrix3d axes = solver.eigenvectors();
   const Eigen::Vector3d roots = solver.eigenvalues();
@@ -198,7 +202,7 @@ double ScanMatcher::scatter() const {
     ++directions;
     convex = convex && axes.col(i).dot(derivative * axes.col(i)) > kLeastDerivative * roots(i);
   }
-  if (directions == 0) return 1.0;
+  if (directions == 0) return scatter;
   Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
   for (Eigen::Index i = 0; i < 3; ++i) {
     if (!determined(i)) continue;
@@ -216,7 +220,24 @@ double ScanMatcher::scatter() const {
     spread += own * own.transpose() + kAdjacent * (own * next.transpose() + next * own.transpose());
   }
   const Eigen::Matrix3d covariance = inverse * spread * inverse;
-  return static_cast<double>(filled) / (filled - kPoseParameters) * (covariance * total).trace() / directions;
+  const double unbiased = per_reference * static_cast<double>(filled) / (filled - kPoseParameters);
+  scatter.mean = std::max(1.0, unbiased * (covariance * total).trace() / directions);
+  scatter.weight.setZero();
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    const Eigen::Vector3d axis = axes.col(i);
+    double along = scatter.mean;
+    if (determined(i)) {
+      // Few sectors tell little about their own scatter: variance of Student's t by so many as share the
+      // information.
+      double squares = 0.0;
+      for (const Sector& sector : sectors_) squares += std::pow(axis.dot(sector.h * axis), 2);
+      const double sectors = roots(i) * roots(i) / squares,
+                   few = std::min(kFewSectors, sectors / std::max(1e-9, sectors - kPoseParameters));
+      along = few * per_reference * axis.dot(covariance * axis) * roots(i);
+    }
+    scatter.weight += axis * axis.transpose() / std::max(1.0, along);
+  }
+  return scatter;
 }
 
 Match ScanMatcher::match(const LineScan& scan, const Pose2& start, const Eigen::Matrix3d& prior,
@@ -244,12 +265,15 @@ Match ScanMatcher::match(const LineScan& scan, const Pose2& start, const Eigen::
     sums.g *= per_reference;
     const Pose2 off = pose.inverse() * start;
     const Eigen::Vector3d to_start(off.x_m, off.y_m, wrapAngle(off.theta_rad));
-    const Eigen::Vector3d step = (sums.h + prior).ldlt().solve(sums.g + prior * to_start);
+    const Scatter scattered = scatter(per_reference);
+    // Beside the prior a direction counts as much as it is known, once the pairs have settled.
+    const Eigen::Matrix3d weight = share < 1.0 ? Eigen::Matrix3d::Identity() : scattered.weight;
+    const Eigen::Vector3d step = (weight * sums.h + prior).ldlt().solve(weight * sums.g + prior * to_start);
     if (!step.allFinite()) return match;
     pose = pose * Pose2{step.x(), step.y(), step.z()};
-    match.scatter = std::max(1.0, scatter() * per_reference);
-    match.information = sums.h / match.scatter;
-    match.gradient = (sums.g - sums.h * step) / match.scatter;
+    match.scatter = scattered.mean;
+    match.information = scattered.weight * sums.h;
+    match.gradient = scattered.weight * (sums.g - sums.h * step);
     match.chi2 = sums.chi2 / std::max(1e-9, sums.weight);
     match.matched = static_cast<double>(sums.beams) / std::max(1, possible);
     match.beams = sums.beams;

@@ -45,7 +45,7 @@ struct Match {
   bool valid = false;
   Pose2 map_from_scan;  ///< by the scan and the prior
   /// Of the scan alone, right perturbation: rank-deficient where the scene leaves a direction open (a
-  /// corridor). Divided by `scatter`.
+  /// corridor). Each of its principal directions is divided by the scatter of the gradient along it.
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   /// Where the scan alone would move the pose: information · (scan's optimum − map_from_scan).
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
@@ -90,7 +90,11 @@ class ScanMatcher {
     Eigen::Vector3d g = Eigen::Vector3d::Zero();
     Eigen::Matrix3d derivative = Eigen::Matrix3d::Zero();  ///< of −g by the pose
   };
-  double scatter() const;
+  struct Scatter {
+    double mean = 1.0;                                     ///< over the directions of the pose, at least 1
+    Eigen::Matrix3d weight = Eigen::Matrix3d::Identity();  ///< 1 / scatter of each principal direction
+  };
+  Scatter scatter(double per_reference) const;
   std::vector<Sector> sectors_;
 };
 

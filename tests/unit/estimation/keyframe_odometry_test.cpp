@@ -39,10 +39,10 @@ struct ChainSetup {
 
 /// A path of kLinks steps of 0.3 m on a wide arc.
 struct OdometryChain {
-  KeyframeMap map{KeyframeOptions{}};
+  KeyframeMap map;
   std::vector<Pose2> truth{Pose2{0.5, -0.3, 0.2}};
 
-  OdometryChain(unsigned seed, const ChainSetup& setup) {
+  OdometryChain(unsigned seed, const ChainSetup& setup, const KeyframeOptions& options = {}) : map(options) {
     std::mt19937 random(seed);
     map.setJitter(0, squaresOf(kJitter_m, kJitter_rad));
     KeyframeMap::Held first;
@@ -110,6 +110,17 @@ TEST(KeyframeOdometry, JitterOfFramesDoesNotAddUpInTheCovariance) {
     EXPECT_NEAR(frames.headingSigma(k), std::sqrt(way + 2.0 * jitter), 0.02 * kJitter_rad) << k;
     EXPECT_NEAR(links.headingSigma(k), std::sqrt(way + 2.0 * k * jitter), 0.02 * links.headingSigma(k)) << k;
   }
+}
+
+TEST(KeyframeOdometry, JitterCountsTwiceAmongReferencesHoweverManyKeyframesLieBetween) {
+  KeyframeOptions options;
+  options.trust_m = 2.0 * kJitter_m;  // √2 jitter σ for two frames; √8 for four links
+  const OdometryChain frames(1, {}, options), links(1, {Jitter::kOfLinks, {}}, options);
+  const auto references = [](const OdometryChain& chain) {
+    return chain.map.references(KeyframeId{kLinks}, 0.0, chain.map.pose(kLinks)).size();
+  };
+  EXPECT_EQ(references(frames), 5U);  // 0 to 1.2 m away; scans without lines reach 1.3 m
+  EXPECT_LT(references(links), 4U);
 }
 
 TEST(KeyframeOdometry, StatedCovarianceOfAChainMatchesItsErrors) {

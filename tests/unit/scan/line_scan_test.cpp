@@ -53,6 +53,30 @@ TEST(LineScan, HasTheMeanRangeAndTheNoiseOfItsRanges) {
   EXPECT_EQ(scan.medianSigmaM(), 0.0);
 }
 
+TEST(LineScan, BearingErrorCountsWhereWallsAreSeenAtAnAngle) {
+  // A wall at distance d, θ off its normal: s = cos θ / d, so an error of the bearing moves s by sin θ / d.
+  constexpr double kBearing_rad = 0.01;
+  std::mt19937 random(3);
+  const testing::Scene square{{{{-2, -2}, {2, -2}, {2, 2}, {-2, 2}}}};
+  Boundary boundary = square.scan({}, 0.0, random);
+  boundary.sigma.assign(boundary.sigma.size(), static_cast<float>(kNoise));
+  LineScan exact, scan;
+  exact.fit(boundary);
+  scan.fit(boundary, {}, kBearing_rad);
+  ASSERT_EQ(scan.lines(), exact.lines());
+  for (std::size_t i = 0; i < scan.beams().size(); ++i) {
+    const LineScan::Beam &before = exact.beams()[i], &beam = scan.beams()[i];
+    if (!beam.has_line) continue;
+    const double bearing = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(scan.beams().size());
+    const double theta = bearing - M_PI / 2.0 * std::round(bearing / (M_PI / 2.0));
+    const double by_bearing = kBearing_rad * std::sin(theta) / 2.0,
+                 expected = std::hypot(static_cast<double>(before.sigma), by_bearing);
+    EXPECT_NEAR(beam.sigma, expected, 0.02 * expected) << i;
+    const double wider = expected * expected / (static_cast<double>(before.sigma) * before.sigma);
+    EXPECT_NEAR(beam.line_covariance.trace() / before.line_covariance.trace(), wider, 0.05 * wider) << i;
+  }
+}
+
 TEST(LineScan, FindsNoLineInThreeBeams) {
   // Between two depth jumps few beams show a face: four have a line, three fit almost anything.
   for (const int beams : {3, 4, 5}) {

@@ -87,6 +87,51 @@ TEST(ScanMatcher, LeavesTheLengthOfACorridorToThePrior) {
   EXPECT_LT(solver.eigenvalues()(0), 1e-3 * solver.eigenvalues()(1));
 }
 
+/// A corridor with posts at both walls, each of which stands off its place along the corridor by σ `moved_m`.
+testing::Scene corridorWithPosts(double moved_m, std::mt19937& random) {
+  std::normal_distribution<double> normal(0.0, moved_m);
+  testing::Scene scene = testing::corridor();
+  for (int k = -4; k <= 4; ++k) {
+    if (k == 0) continue;
+    for (const double side : {-0.65, 0.65}) {
+      const double x = 0.8 * k + (moved_m > 0 ? normal(random) : 0.0), half = 0.15;
+      scene.outlines.push_back({{x - half, side - half},
+                                {x + half, side - half},
+                                {x + half, side + half},
+                                {x - half, side + half}});
+    }
+  }
+  return scene;
+}
+
+/// Doors that were moved contradict each other along the corridor, the walls agree: how well a pose is known
+/// differs between the directions.
+TEST(ScanMatcher, InformationOfEachDirectionMatchesItsErrors) {
+  constexpr int kRuns = 60;
+  constexpr double kMoved_m = 0.006;  // 1 to 2 σ of a beam
+  double along = 0.0, across = 0.0, claimed = 0.0;
+  for (unsigned seed = 0; seed < kRuns; ++seed) {
+    std::mt19937 random(seed);
+    const Pose2 truth{0.1, 0.05, 0.0};
+    LineScan reference, scan;
+    reference.fit(corridorWithPosts(0.0, random).scan({}, kSigma, random));
+    scan.fit(corridorWithPosts(kMoved_m, random).scan(truth, kSigma, random));
+    ScanMatcher matcher;
+    const Match match = matcher.match(scan, truth, 1e-3 * kLoose, {{&reference, Pose2{}}});
+    ASSERT_TRUE(match.valid);
+    const Eigen::Matrix3d covariance = match.information.inverse();
+    const Pose2 off = truth.inverse() * match.map_from_scan;
+    along += off.x_m * off.x_m / covariance(0, 0) / kRuns;
+    across += off.y_m * off.y_m / covariance(1, 1) / kRuns;
+    claimed += covariance(0, 0) / covariance(1, 1) / kRuns;
+  }
+  EXPECT_NEAR(across, 1.0, 0.5);
+  // Four posts nearby decide, and four errors tell little about their variance: σ is a third of the errors.
+  EXPECT_LT(along, 14.0);
+  // Posts at their places: 4. One scatter for all directions would leave it there.
+  EXPECT_GT(claimed, 40.0);
+}
+
 TEST(ScanMatcher, ToleratesThatFortyPercentOfTheBeamsAreBlocked) {
   const testing::Scene room = testing::furnishedRoom();
   std::mt19937 random(7);
