@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 namespace omnifleet::dataset {
 namespace {
@@ -60,7 +61,7 @@ struct LiveCamera::State {
   void lose(int thread, const std::string& reason);
   bool deliver(int thread, cv::Mat& image, TimeNs time_ns);
   void capture(int thread, Capture& connection, Clock::duration& pause);
-  void wait(int thread, Clock::duration pause);
+  void wait(int thread, Clock::duration pause, bool present);
 };
 
 /// Before a call of the driver.
@@ -118,16 +119,16 @@ void LiveCamera::State::capture(int thread, Capture& connection, Clock::duration
 }
 
 /// Ends early when the device appears: then a frame comes within a moment of its return.
-void LiveCamera::State::wait(int thread, Clock::duration pause) {
+/// @param present whether it was there before the attempt to open it: it may return while that fails
+void LiveCamera::State::wait(int thread, Clock::duration pause, bool present) {
   const auto until = Clock::now() + pause;
-  const bool was_present = device->isPresent();
   while (Clock::now() < until) {
+    const bool was_present = std::exchange(present, device->isPresent());
+    if (present && !was_present) return;
     std::unique_lock lock(mutex);
     changed.wait_for(lock, std::min<Clock::duration>(kLook, until - Clock::now()),
                      [&] { return !owns(thread); });
     if (!owns(thread)) return;
-    lock.unlock();
-    if (!was_present && device->isPresent()) return;
   }
 }
 
@@ -135,6 +136,7 @@ void LiveCamera::State::run(int thread) {
   auto pause = seconds(options.retry_first_s);
   while (begin(thread)) {
     std::string reason;
+    bool present = device->isPresent();
     std::unique_ptr<Capture> connection = device->open(reason);
     if (!finish(thread)) break;
     if (connection) {
@@ -142,6 +144,7 @@ void LiveCamera::State::run(int thread) {
       if (!begin(thread)) break;
       connection.reset();  // closing may hang as well
       if (!finish(thread)) break;
+      present = device->isPresent();
     } else {
       lose(thread, reason);
     }
@@ -150,7 +153,7 @@ void LiveCamera::State::run(int thread) {
       const std::lock_guard lock(mutex);
       asked = std::exchange(reopening, false);
     }
-    wait(thread, asked ? seconds(options.retry_longest_s) : pause);
+    wait(thread, asked ? seconds(options.retry_longest_s) : pause, present);
     pause = std::min(2 * pause, seconds(options.retry_longest_s));
   }
 }

@@ -21,6 +21,8 @@ class FakeCamera {
   void plug(bool present) { set(present_, present); }
   void refuse(bool refused) { set(refused_, refused); }
   void block(bool blocked) { set(blocked_, blocked); }
+  /// The camera returns while the next attempt to open it fails.
+  void plugDuringAttempt() { set(returns_, true); }
   void resize(cv::Size size) { set(size_, size); }
   std::vector<Clock::time_point> attempts() {
     const std::lock_guard lock(mutex_);
@@ -36,7 +38,9 @@ class FakeCamera {
     const std::lock_guard lock(mutex_);
     attempts_.push_back(Clock::now());
     fault = "the fake camera is absent";
-    if (!present_ || refused_) return 0;
+    const bool was_present = present_;
+    present_ = present_ || std::exchange(returns_, false);
+    if (!was_present || refused_) return 0;
     return ++connections_;
   }
   /// Frames come every 2 ms. A connection of before an outage never delivers again, as with a real device.
@@ -62,7 +66,7 @@ class FakeCamera {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  bool present_ = true, refused_ = false, blocked_ = false;
+  bool present_ = true, refused_ = false, blocked_ = false, returns_ = false;
   cv::Size size_{64, 48};
   int connections_ = 0;
   int gone_ = 0;  ///< connections up to this one are dead

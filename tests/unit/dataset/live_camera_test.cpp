@@ -96,6 +96,14 @@ TEST_F(LiveCameraTest, DeliversWithinTwoSecondsOfReturnEvenIfThePauseIsLonger) {
   EXPECT_LT(Clock::now() - returned, std::chrono::seconds(2)) << "the issue's bound";
 }
 
+TEST_F(LiveCameraTest, DeliversAfterReturnDuringAFailingAttempt) {
+  options_.retry_first_s = options_.retry_longest_s = 60.0;
+  fake_->plug(false);
+  fake_->plugDuringAttempt();
+  open();
+  EXPECT_TRUE(awaitFrame());
+}
+
 TEST_F(LiveCameraTest, DoublesPauseUpToTheLongest) {
   fake_->refuse(true);
   open();
