@@ -14,7 +14,7 @@ constexpr double kLeastInverse = 0.02;  // 1/m
 constexpr double kPointSigmas = 3.0;
 constexpr double kLoose = 1.0;  // 1/m², 1/rad²: information where a match leaves a direction open
 constexpr std::size_t kSectors = 48;
-constexpr double kFewSectors = 10.0;  // times the scatter of few sectors, at most
+constexpr double kFewSectors = 10.0;  // 1, times the scatter of few sectors, at most
 constexpr int kPoseParameters = 3;
 constexpr double kConverged = 2e-5;  // m, rad
 
@@ -227,8 +227,8 @@ ScanMatcher::Scatter ScanMatcher::scatter(double per_reference) const {
     const Eigen::Vector3d axis = axes.col(i);
     double along = scatter.mean;
     if (determined(i)) {
-      // Few sectors tell little about their own scatter: variance of Student's t by so many as share the
-      // information.
+      // A variance estimated from few sectors is uncertain itself: Student's t, by the number of sectors that
+      // hold the information.
       double squares = 0.0;
       for (const Sector& sector : sectors_) squares += std::pow(axis.dot(sector.h * axis), 2);
       const double sectors = roots(i) * roots(i) / squares,

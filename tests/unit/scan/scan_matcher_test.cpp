@@ -126,7 +126,8 @@ TEST(ScanMatcher, InformationOfEachDirectionMatchesItsErrors) {
     claimed += covariance(0, 0) / covariance(1, 1) / kRuns;
   }
   EXPECT_NEAR(across, 1.0, 0.5);
-  // Four posts nearby decide, and four errors tell little about their variance: σ is a third of the errors.
+  // Four posts nearby dominate, and a variance estimated from four errors is uncertain: σ is a third of the
+  // errors.
   EXPECT_LT(along, 14.0);
   // Posts at their places: 4. One scatter for all directions would leave it there.
   EXPECT_GT(claimed, 40.0);
