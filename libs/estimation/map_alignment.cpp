@@ -112,47 +112,64 @@ bool MapAlignment::isSame(const Pose2& a, const Pose2& b) const {
 }
 
 void MapAlignment::consider(const Pose2& map_from_own) {
-  const auto known = [&](const Candidate& c) { return isSame(c.map_from_own, map_from_own); };
+  // One that no keyframe matches may be off: the new one may be the right one.
+  const auto known = [&](const Candidate& c) {
+    return c.matched > 0 && isSame(c.map_from_own, map_from_own);
+  };
   if (std::any_of(candidates_.begin(), candidates_.end(), known)) return;
   candidates_.emplace_back();
   candidates_.back().map_from_own = map_from_own;
 }
 
-void MapAlignment::Search::hold(const KeyframeMap& map) {
+void MapAlignment::Side::hold(const KeyframeMap& map) {
   if (map.size() == size && map.revision() == revision) return;
   std::vector<scan::Reference> references;
   for (const KeyframeMap::Id k : map.all()) references.push_back(map.reference(k));
   places.setReferences(references);
+  transients.update(references);
   size = map.size();
   revision = map.revision();
 }
 
-std::vector<Pose2> MapAlignment::Search::find(const KeyframeMap& other, double turn_rad,
-                                              double reach_rad) const {
-  const scan::Reference newest = other.reference(static_cast<KeyframeMap::Id>(other.size() - 1));
+std::vector<Pose2> MapAlignment::Side::find(const scan::Reference& scan, double turn_rad,
+                                            double reach_rad) const {
   std::vector<Pose2> relations;
-  const Pose2 start{0.0, 0.0, wrapAngle(turn_rad + newest.map_from_scan.theta_rad)};
-  for (const scan::PlaceCandidate& found : places.search(*newest.scan, start, kEverywhere_m, reach_rad))
-    relations.push_back(found.map_from_scan * newest.map_from_scan.inverse());
+  const Pose2 start{0.0, 0.0, wrapAngle(turn_rad + scan.map_from_scan.theta_rad)};
+  for (const scan::PlaceCandidate& found : places.search(*scan.scan, start, kEverywhere_m, reach_rad))
+    relations.push_back(found.map_from_scan * scan.map_from_scan.inverse());
   return relations;
 }
 
 /// Each new scan of either map is searched in the other one: what one robot sees from a place, the other may
-/// have seen from behind. It is also searched in its own map.
+/// have seen from behind. It is also searched in its own map. One older scan is searched again: what it shows
+/// may have been added to the other map since.
 void MapAlignment::addCandidates(const KeyframeMap& map, const KeyframeMap& own) {
-  search_.hold(map);
-  own_search_.hold(own);
-  if (map.size() != map_seen_)
-    for (const Pose2& own_from_map : own_search_.find(map)) consider(own_from_map.inverse());
+  map_side_.hold(map);
+  own_side_.hold(own);
+  const auto searchInMap = [&](std::size_t k) {
+    for (const Pose2& relation : map_side_.find(own.reference(static_cast<KeyframeMap::Id>(k))))
+      consider(relation);
+  };
+  const auto searchInOwn = [&](std::size_t k) {
+    for (const Pose2& relation : own_side_.find(map.reference(static_cast<KeyframeMap::Id>(k))))
+      consider(relation.inverse());
+  };
+  if (map.size() != map_seen_) searchInOwn(map.size() - 1);
   if (own.size() != own_seen_) {
-    for (const Pose2& map_from_own : search_.find(own)) consider(map_from_own);
-    for (const Pose2& twin : own_search_.find(own, M_PI, M_PI - kNoTurn_rad)) {
+    searchInMap(own.size() - 1);
+    const scan::Reference newest = own.reference(static_cast<KeyframeMap::Id>(own.size() - 1));
+    for (const Pose2& twin : own_side_.find(newest, M_PI, M_PI - kNoTurn_rad)) {
       const auto known = [&](const Candidate& c) { return isSame(c.map_from_own, twin); };
       if (isSame(twin, {}) || std::any_of(symmetries_.begin(), symmetries_.end(), known)) continue;
       symmetries_.emplace_back();
       symmetries_.back().map_from_own = twin;
     }
   }
+  const std::size_t turn = searched_again_++;
+  if (turn % 2 == 0)
+    searchInMap(turn / 2 % own.size());
+  else
+    searchInOwn(turn / 2 % map.size());
   map_seen_ = map.size();
   own_seen_ = own.size();
 }
@@ -203,17 +220,18 @@ void MapAlignment::refine(const KeyframeMap& map, const KeyframeMap& own, Candid
   }
 }
 
-void MapAlignment::judge(const MapToAlign& map_places, const MapToAlign& own_places, Candidate& candidate) {
+void MapAlignment::judge(const MapToAlign& map_places, const Side& map_side, const MapToAlign& own_places,
+                         Candidate& candidate) {
   const KeyframeMap &map = map_places.keyframes, &own = own_places.keyframes;
   const auto most = static_cast<std::size_t>(options_.most_scans);
-  std::vector<scan::Reference> a, b;
+  std::vector<scan::View> a, b;
   for (const KeyframeMap::Id k :
        spread(own, nearestTo(own, map, candidate.map_from_own.inverse(), kNear * most), most)) {
-    a.push_back(own.reference(k));
-    a.back().map_from_scan = candidate.map_from_own * a.back().map_from_scan;
+    a.push_back(own_side_.view(own, k));
+    a.back().reference.map_from_scan = candidate.map_from_own * a.back().reference.map_from_scan;
   }
   for (const KeyframeMap::Id r : spread(map, nearestTo(map, own, candidate.map_from_own, kNear * most), most))
-    b.push_back(map.reference(r));
+    b.push_back(map_side.view(map, r));
   candidate.overlap = scan::overlapOf(a, b, options_.overlap);
   candidate.compass = {};
   for (const PlaceMemory* places : own_places.places) {
@@ -222,8 +240,9 @@ void MapAlignment::judge(const MapToAlign& map_places, const MapToAlign& own_pla
     candidate.compass.pairs += opinion.pairs;
     candidate.compass.evidence += opinion.evidence;
   }
-  candidate.evidence =
-      options_.surfaces.of(candidate.overlap) + std::min(options_.most_compass, candidate.compass.evidence);
+  // Below least_compass the images contradict: decide() says so of the relation that the surfaces prefer.
+  candidate.evidence = options_.surfaces.of(candidate.overlap) +
+                       std::clamp(candidate.compass.evidence, options_.least_compass, options_.most_compass);
 }
 
 constexpr auto isBetter = [](const auto& a, const auto& b) { return a.evidence > b.evidence; };
@@ -233,7 +252,7 @@ constexpr auto isBetter = [](const auto& a, const auto& b) { return a.evidence >
 void MapAlignment::updateSymmetries(const MapToAlign& own) {
   for (Candidate& symmetry : symmetries_) {
     refine(own.keyframes, own.keyframes, symmetry);
-    judge(own, own, symmetry);
+    judge(own, own_side_, own, symmetry);
   }
   const auto ends = [&](const Candidate& c) {
     return isSame(c.map_from_own, {}) || !isPossible(c) || isDistinguished({}, c.compass);
@@ -279,7 +298,7 @@ const MapAlignment::Result& MapAlignment::update(const MapToAlign& map, const Ma
   const auto judgeNew = [&] {
     for (; judged < candidates_.size(); ++judged) {
       refine(theirs, mine, candidates_[judged]);
-      judge(map, own, candidates_[judged]);
+      judge(map, map_side_, own, candidates_[judged]);
     }
     std::stable_sort(candidates_.begin(), candidates_.end(), isBetter);
   };

@@ -15,6 +15,7 @@
 #include "scan/map_overlap.h"
 #include "scan/place_search.h"
 #include "scan/scan_matcher.h"
+#include "scan/transients.h"
 
 namespace omnifleet::estimation {
 
@@ -38,8 +39,11 @@ struct MapAlignmentOptions {
   MapCompassOptions compass;
   scan::PlaceSearchOptions search;
   scan::OverlapOptions overlap;
-  /// The search looks for more candidates than relocalization: the evidence decides.
+  /// The search looks for more candidates than relocalization, and coarser ones: matches refine them, and the
+  /// evidence decides.
   MapAlignmentOptions() {
+    search.beams = 60;
+    search.cell_m = 0.1;
     search.min_score = 0.4;
     search.most = 6;
   }
@@ -56,14 +60,15 @@ struct MapToAlign {
 /// signatures of both. Candidates come from searches of single scans of one map among those of the other
 /// (scan::PlaceSearch), and from searches in the robot's own map: where it is symmetric, each candidate has a
 /// twin. Each is refined by matching many scans, and judged by all surfaces that both maps should show, by
-/// the visual compass at places near each other, and by its rivals. So equal walls with other furniture are
-/// refused, and a symmetric room stays undecided unless the images distinguish its sides.
+/// the visual compass at places near each other, and by its rivals. Surfaces that were there for a short time
+/// only do not count: robots that do not know of each other see each other as furniture. So equal walls with
+/// other furniture are refused, and a symmetric room stays undecided unless the images distinguish its sides.
 class MapAlignment {
  public:
   explicit MapAlignment(const MapAlignmentOptions& options, const scan::MatchOptions& match = {})
       : options_(options),
-        search_(options.search),
-        own_search_(options.search),
+        map_side_(options),
+        own_side_(options),
         matcher_(match),
         compass_(options.compass) {}
 
@@ -77,7 +82,7 @@ class MapAlignment {
     Eigen::Vector2d middle_m = Eigen::Vector2d::Zero();        ///< own frame
   };
 
-  /// Looks at what is new since the last call. Costs some 10 ms if there is a new keyframe.
+  /// Looks at what is new since the last call. Costs some 100 ms if there is a new keyframe.
   /// @param map of the others @param own of the robot
   const Result& update(const MapToAlign& map, const MapToAlign& own);
 
@@ -91,21 +96,26 @@ class MapAlignment {
     double spread_m = 0.0;  ///< rms of what single keyframes say about the relation, …
     double spread_rad = 0.0;
   };
-  /// A search among the scans of one map.
-  struct Search {
-    explicit Search(const scan::PlaceSearchOptions& options) : places(options) {}
+  /// One of both maps, as it is searched and compared.
+  struct Side {
+    explicit Side(const MapAlignmentOptions& options) : places(options.search), transients(options.overlap) {}
     scan::PlaceSearch places;
+    scan::Transients transients;
     std::size_t size = 0;        ///< keyframes of the map in it, …
     std::uint32_t revision = 0;  ///< … as they lay then
     void hold(const KeyframeMap& map);
-    /// Relations held_from_other by the newest scan of another map. @param turn_rad of other against held,
-    /// and how far about it is searched
-    std::vector<Pose2> find(const KeyframeMap& other, double turn_rad = 0.0, double reach_rad = M_PI) const;
+    /// Relations held_from_other by a scan of another map. @param turn_rad of other against held, and how far
+    /// about it is searched
+    std::vector<Pose2> find(const scan::Reference& scan, double turn_rad = 0.0,
+                            double reach_rad = M_PI) const;
+    scan::View view(const KeyframeMap& map, KeyframeMap::Id keyframe) const {
+      return {map.reference(keyframe), &transients.of(keyframe)};
+    }
   };
   void addCandidates(const KeyframeMap& map, const KeyframeMap& own);
   void consider(const Pose2& map_from_own);
   void refine(const KeyframeMap& map, const KeyframeMap& own, Candidate& candidate);
-  void judge(const MapToAlign& map, const MapToAlign& own, Candidate& candidate);
+  void judge(const MapToAlign& map, const Side& map_side, const MapToAlign& own, Candidate& candidate);
   void updateSymmetries(const MapToAlign& own);
   bool isSame(const Pose2& a, const Pose2& b) const;
   bool isPossible(const Candidate& candidate) const;
@@ -114,8 +124,9 @@ class MapAlignment {
   void decide();
 
   MapAlignmentOptions options_;
-  Search search_, own_search_;               ///< among the scans of the others, and of the robot
+  Side map_side_, own_side_;                 ///< of the others, and of the robot
   std::size_t map_seen_ = 0, own_seen_ = 0;  ///< keyframes at the last call
+  std::size_t searched_again_ = 0;           ///< scans
   scan::ScanMatcher matcher_;
   MapCompass compass_;
   Eigen::Vector2d middle_m_ = Eigen::Vector2d::Zero();  ///< of the own keyframes

@@ -7,43 +7,10 @@
 #include <map>
 #include <utility>
 
+#include "scan/surface_viewer.h"
+
 namespace omnifleet::scan {
 namespace {
-
-enum class Says { kNothing, kAgrees, kDenies };
-
-/// A scan with its inverse pose, to look up bearings.
-struct Viewer {
-  const LineScan* scan;
-  Pose2 scan_from_map;
-};
-
-double rangeSigma(const LineScan::Beam& beam) {
-  return static_cast<double>(beam.sigma) / (static_cast<double>(beam.s) * static_cast<double>(beam.s));
-}
-
-/// What one scan says about a surface at a place whose range along the line of sight has the σ.
-Says ask(const Viewer& viewer, const Eigen::Vector2d& map_m, double sigma_m, const OverlapOptions& o) {
-  const Eigen::Vector2d at = viewer.scan_from_map * map_m;
-  const double range_m = at.norm();
-  const auto& beams = viewer.scan->beams();
-  const auto n = static_cast<int>(beams.size());
-  if (n == 0 || !(range_m > 0)) return Says::kNothing;
-  const int middle = static_cast<int>(std::lround(std::atan2(at.y(), at.x()) * n / (2.0 * M_PI)));
-  bool all_pass = true;
-  for (int i = middle - o.neighbours; i <= middle + o.neighbours; ++i) {
-    const LineScan::Beam& beam = beams[static_cast<std::size_t>(((i % n) + n) % n)];
-    if (!(beam.s > 0) || !(beam.sigma > 0)) {
-      all_pass = false;
-      continue;
-    }
-    const double other_m = 1.0 / static_cast<double>(beam.s),
-                 margin_m = o.sigmas * std::hypot(sigma_m, rangeSigma(beam));
-    if (std::abs(other_m - range_m) < o.agree_m + margin_m) return Says::kAgrees;
-    all_pass = all_pass && other_m > range_m + o.through_m + margin_m;
-  }
-  return all_pass ? Says::kDenies : Says::kNothing;
-}
 
 struct Cell {
   int agree = 0, deny = 0, seen = 0;
@@ -84,24 +51,24 @@ class Lines {
   std::vector<Line> lines_;
 };
 
-void compare(const std::vector<Reference>& shown, const std::vector<Viewer>& viewers, const OverlapOptions& o,
+void compare(const std::vector<View>& shown, const std::vector<Viewer>& viewers, const OverlapOptions& o,
              Overlap& overlap) {
   std::map<std::pair<int, int>, Cell> cells;
-  for (const Reference& reference : shown) {
+  for (const View& view : shown) {
+    const Reference& reference = view.reference;
     const Eigen::Matrix2d rotation = reference.map_from_scan.rotation();
     const auto& beams = reference.scan->beams();
-    const std::size_t step = std::max<std::size_t>(1, beams.size() / static_cast<std::size_t>(o.beams));
-    for (std::size_t i = 0; i < beams.size(); i += step) {
+    const std::size_t stride = strideOf(*reference.scan, o);
+    for (std::size_t i = 0; i < beams.size(); i += stride) {
       const LineScan::Beam& beam = beams[i];
-      if (!beam.has_line || !(beam.s > 0)) continue;
+      if (!showsSurface(beam, o) || (view.transient != nullptr && (*view.transient)[i] != 0)) continue;
       const double sigma_m = rangeSigma(beam);
-      if (!(sigma_m < o.most_sigma_m)) continue;
       const Eigen::Vector2d at = reference.map_from_scan * beam.point_m.cast<double>();
       Cell& cell = cells[{static_cast<int>(std::floor(at.x() / o.cell_m)),
                           static_cast<int>(std::floor(at.y() / o.cell_m))}];
       const Eigen::Vector2d normal = rotation * beam.line.cast<double>().normalized();
       for (const Viewer& viewer : viewers) {
-        const Says says = ask(viewer, at, sigma_m, o);
+        const Says says = viewer.about(at, sigma_m, o);
         cell.agree += says == Says::kAgrees ? 1 : 0;
         cell.deny += says == Says::kDenies ? 1 : 0;
       }
@@ -126,10 +93,16 @@ void compare(const std::vector<Reference>& shown, const std::vector<Viewer>& vie
   overlap.distinct_contradict_m += denied.distinct_m();
 }
 
-std::vector<Viewer> viewersOf(const std::vector<Reference>& references) {
+std::vector<Viewer> viewersOf(const std::vector<View>& views) {
   std::vector<Viewer> viewers;
-  for (const Reference& r : references) viewers.push_back({r.scan, r.map_from_scan.inverse()});
+  for (const View& view : views) viewers.emplace_back(view.reference);
   return viewers;
+}
+
+std::vector<View> viewsOf(const std::vector<Reference>& references) {
+  std::vector<View> views;
+  for (const Reference& reference : references) views.push_back({reference});
+  return views;
 }
 
 }  // namespace
@@ -149,6 +122,10 @@ OverlapOptions OverlapOptions::read(const options::Section& section) {
 }
 
 Overlap overlapOf(const std::vector<Reference>& a, const std::vector<Reference>& b, const OverlapOptions& o) {
+  return overlapOf(viewsOf(a), viewsOf(b), o);
+}
+
+Overlap overlapOf(const std::vector<View>& a, const std::vector<View>& b, const OverlapOptions& o) {
   Overlap overlap;
   compare(a, viewersOf(b), o, overlap);
   compare(b, viewersOf(a), o, overlap);

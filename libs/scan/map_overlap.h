@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <vector>
 
 #include "options/options.h"
@@ -38,12 +39,20 @@ struct Overlap {
   }
 };
 
+/// A scan of a set to be compared.
+struct View {
+  Reference reference;
+  /// Per beam, not 0: the surface was there for a short time only and is left out (Transients); null: none.
+  const std::vector<std::uint8_t>* transient = nullptr;
+};
+
 /// Compares each surface of one set with every scan of the other set that looks towards it. A beam of the
 /// other set that ends there confirms it, one that passes denies it, one that ends before it says nothing.
 /// Surfaces are the beams with a line. A cell counts as what most beams say. Both directions are added, so
 /// that neither an empty map nor one that is full agrees with everything. Sets in a static world contradict
 /// each other only where a surface is missed; other rooms with equal walls contradict wherever their
 /// furniture differs. (This project.)
+Overlap overlapOf(const std::vector<View>& a, const std::vector<View>& b, const OverlapOptions& options);
 Overlap overlapOf(const std::vector<Reference>& a, const std::vector<Reference>& b,
                   const OverlapOptions& options);
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <random>
@@ -36,11 +37,14 @@ class Explored {
   Explored(Scene scene, std::uint32_t seed, std::uint32_t robot)
       : scene_(std::move(scene)), random_(seed), robot_(robot) {}
 
-  void drive(const Pose2& room_from_base, const Pose2& frame_from_room) {
+  /// @param other outline of another robot at this time
+  void drive(const Pose2& room_from_base, const Pose2& frame_from_room, const Polygon& other = {}) {
+    Scene scene = scene_;
+    if (!other.empty()) scene.outlines.push_back(other);
     scan::LineScan scan;
     KeyframeMap::Source source;
     source.camera = robot_;
-    source.seen = scene_.scan(room_from_base, kRoomSigma, random_);
+    source.seen = scene.scan(room_from_base, kRoomSigma, random_);
     source.usable.assign(source.seen.inverse_m.size(), true);
     scan.fit(source.seen);
     KeyframeMap::Held held;
@@ -112,6 +116,25 @@ MapAlignment::Result align(const Scene& common, const Scene& own, double own_sha
   return result;
 }
 
+/// The same while each robot drives past the other one, which its scans show as a box.
+MapAlignment::Result alignAmongRobots(const Scene& room) {
+  Explored others(room, 1, 0), robot(room, 2, 1);
+  const auto body = [](const Pose2& at) {
+    return rectangle(at.x_m - 0.2, at.y_m - 0.2, at.x_m + 0.2, at.y_m + 0.2);
+  };
+  const std::vector<Pose2> theirs = circuit(0.0, 1.0, 16), mine = circuit(0.5, 1.3, 13);
+  const MapAlignmentOptions defaults;
+  MapAlignment alignment(defaults);
+  MapAlignment::Result result;
+  for (std::size_t k = 0; k < theirs.size(); ++k) {
+    others.drive(theirs[k], {}, body(mine[std::min(k, mine.size() - 1)]));
+    if (k < mine.size()) robot.drive(mine[k], kOwnFromRoom, body(theirs[k]));
+    result = alignment.update(others.all(), robot.all());
+    if (result.status == AlignmentStatus::kMatched) break;
+  }
+  return result;
+}
+
 Scene lookAlike() {
   Scene room = scan::testing::furnishedRoom();
   room.outlines.resize(1);
@@ -135,6 +158,16 @@ TEST(MapAlignment, MatchesTwoMapsOfOneRoom) {
   EXPECT_LT(off.translation().norm(), 0.01);
   EXPECT_LT(std::abs(off.theta_rad), 0.005);
   EXPECT_GT(result.score, 0.95);
+}
+
+// Each robot sees the other one as furniture that moves: surfaces of its map that the other map denies.
+TEST(MapAlignment, MatchesTwoMapsWhoseRobotsSeeEachOther) {
+  const MapAlignment::Result result = alignAmongRobots(scan::testing::furnishedRoom());
+  ASSERT_EQ(result.status, AlignmentStatus::kMatched) << result.reason;
+  const Pose2 off = result.map_from_own * kOwnFromRoom;
+  EXPECT_LT(off.translation().norm(), 0.02);
+  EXPECT_LT(std::abs(off.theta_rad), 0.01);
+  EXPECT_GT(result.score, 0.95) << result.reason;
 }
 
 TEST(MapAlignment, RejectsEqualWallsWithOtherFurniture) {
