@@ -112,10 +112,7 @@ bool MapAlignment::isSame(const Pose2& a, const Pose2& b) const {
 }
 
 void MapAlignment::consider(const Pose2& map_from_own) {
-  // One that no keyframe matches may be off: the new one may be the right one.
-  const auto known = [&](const Candidate& c) {
-    return c.matched > 0 && isSame(c.map_from_own, map_from_own);
-  };
+  const auto known = [&](const Candidate& c) { return isSame(c.map_from_own, map_from_own); };
   if (std::any_of(candidates_.begin(), candidates_.end(), known)) return;
   candidates_.emplace_back();
   candidates_.back().map_from_own = map_from_own;

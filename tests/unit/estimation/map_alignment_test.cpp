@@ -45,6 +45,9 @@ class Explored {
     KeyframeMap::Source source;
     source.camera = robot_;
     source.seen = scene.scan(room_from_base, kRoomSigma, random_);
+    const std::size_t beams = source.seen.inverse_m.size(),
+                      half = static_cast<std::size_t>(forward * 0.5 * beams);
+    for (std::size_t i = half; i < beams - half; ++i) source.seen.inverse_m[i] = source.seen.sigma[i] = 0.0f;
     source.usable.assign(source.seen.inverse_m.size(), true);
     scan.fit(source.seen);
     KeyframeMap::Held held;
@@ -79,6 +82,7 @@ class Explored {
   KeyframeMap map = KeyframeMap(options, match);
   PlaceMemory places;
   std::optional<Wallpaper> wallpaper;
+  double forward = 1.0;  ///< share of the circle that a scan shows
 
  private:
   Scene scene_;
@@ -168,6 +172,31 @@ TEST(MapAlignment, MatchesTwoMapsWhoseRobotsSeeEachOther) {
   EXPECT_LT(off.translation().norm(), 0.02);
   EXPECT_LT(std::abs(off.theta_rad), 0.01);
   EXPECT_GT(result.score, 0.95) << result.reason;
+}
+
+// The others come to the robot's room when it stands still. They see half of the circle, which is too little
+// to be searched in the robot's map. So only its older scans find the relation.
+TEST(MapAlignment, SearchesOlderScansAgainWhereTheOtherMapHasGrown) {
+  Scene rooms = scan::testing::furnishedRoom();
+  rooms.outlines.push_back(rectangle(8.0, -0.7, 9.2, 0.7));  // where the others start
+  Explored others(rooms, 1, 0), robot(rooms, 2, 1);
+  others.forward = 0.5;
+  MapAlignmentOptions options;
+  options.search.min_beams = 500;  // of 720
+  MapAlignment alignment(options);
+  others.drive({8.6, 0.0, 0.0}, {});
+  MapAlignment::Result result;
+  for (const Pose2& pose : circuit(0.5, 0.8, 5)) {
+    robot.drive(pose, kOwnFromRoom);
+    result = alignment.update(others.all(), robot.all());
+  }
+  ASSERT_NE(result.status, AlignmentStatus::kMatched) << result.reason;
+  for (const Pose2& pose : circuit(0.0, 1.0, 16)) {
+    others.drive(pose, {});
+    result = alignment.update(others.all(), robot.all());
+  }
+  ASSERT_EQ(result.status, AlignmentStatus::kMatched) << result.reason;
+  EXPECT_LT((result.map_from_own * kOwnFromRoom).translation().norm(), 0.02);
 }
 
 TEST(MapAlignment, RejectsEqualWallsWithOtherFurniture) {
