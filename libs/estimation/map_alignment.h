@@ -39,11 +39,9 @@ struct MapAlignmentOptions {
   MapCompassOptions compass;
   scan::PlaceSearchOptions search;
   scan::OverlapOptions overlap;
-  /// The search looks for more candidates than relocalization, and coarser ones: matches refine them, and the
-  /// evidence decides.
+  /// The search looks for more candidates than relocalization: the evidence decides. It is no coarser: with
+  /// cells of 0.1 m and 60 beams it is three times faster, but missed the twin of a symmetric room.
   MapAlignmentOptions() {
-    search.beams = 60;
-    search.cell_m = 0.1;
     search.min_score = 0.4;
     search.most = 6;
   }
