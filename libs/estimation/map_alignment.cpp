@@ -244,15 +244,15 @@ void MapAlignment::judge(const MapToAlign& map_places, const Side& map_side, con
 
 constexpr auto isBetter = [](const auto& a, const auto& b) { return a.evidence > b.evidence; };
 
-/// Relations of the robot's map to itself that its surfaces do not contradict. Each gives each candidate a
-/// twin.
+/// Relations of the robot's map to itself that its surfaces do not contradict, and at which some of its scans
+/// match: shifts that move the map nearly off itself are no symmetries. Each gives each candidate a twin.
 void MapAlignment::updateSymmetries(const MapToAlign& own) {
   for (Candidate& symmetry : symmetries_) {
     refine(own.keyframes, own.keyframes, symmetry);
     judge(own, own_side_, own, symmetry);
   }
   const auto ends = [&](const Candidate& c) {
-    return isSame(c.map_from_own, {}) || !isPossible(c) || isDistinguished({}, c.compass);
+    return isSame(c.map_from_own, {}) || c.matched == 0 || !isPossible(c) || isDistinguished({}, c.compass);
   };
   symmetries_.erase(std::remove_if(symmetries_.begin(), symmetries_.end(), ends), symmetries_.end());
   std::stable_sort(symmetries_.begin(), symmetries_.end(), isBetter);

@@ -32,8 +32,13 @@ SkirtingOptions SkirtingOptions::read(const options::Section& section) {
   section.read("sigma_px", o.sigma_px, {0.01, 5.0});
   section.read("least_lead", o.least_lead, {0.0, 1.0});
   section.read("most_spread_m", o.most_spread_m, options::kPositive);
+  section.read("least_agree", o.least_agree, {0.0, 1.0});
+  section.read("artefact_px", o.artefact_px, options::kNotNegative);
   section.read("least_beams", o.least_beams, options::kNotNegative);
   section.read("correlated_px", o.correlated_px, {1.0, 1000.0});
+  section.read("least_parallax", o.least_parallax, options::kNotNegative);
+  section.read("least_refuted", o.least_refuted, options::kNotNegative);
+  o.parallax = scan::EdgeParallaxOptions::read(section.child("parallax"));
   section.read("least_frames", o.least_frames, {1, 1000});
   section.read("memory_frames", o.memory_frames, {1.0, 1000.0});
   section.finish();
@@ -45,13 +50,13 @@ Skirting::Skirting(double camera_height_m, const FloorBoundary& floor, const Ski
       floor_(floor),
       options_(options),
       profiles_(floor.paths().size()),
-      heights_(kHeights),
-      widths_(kWidths),
-      frame_(kHeights + kWidths),
+      votes_(kHeights),
+      parallax_(options.parallax),
+      followed_(floor.paths().size()),
       steps_(floor.paths().size() * kOffsets),
       evidence_(floor.paths().size() * kOffsets),
       places_(floor.paths().size()),
-      moved_(floor.paths().size()) {
+      ends_(floor.paths().size()) {
   // A board as high as the camera would hide its own foot.
   options_.max_height_m = std::min(options_.max_height_m, 0.5 * camera_m_);
   options_.use = options_.use && options_.min_height_m < options_.max_height_m;
@@ -163,29 +168,39 @@ double Skirting::incidence(const Boundary& boundary, std::size_t bearing) const 
 
 void Skirting::addEvidence(const Boundary& boundary) {
   const BearingPaths& paths = floor_.paths();
-  std::fill(frame_.begin(), frame_.end(), Sum{});
+  for (Search* search : {&wide_, &all_}) std::fill(search->frame.begin(), search->frame.end(), Sum{});
   for (std::size_t i = 0; i < profiles_.size(); ++i) {
     const Profile& profile = profiles_[i];
     if (profile.count == 0) continue;
     const double inverse = boundary.inverse_m[i], cosine = incidence(boundary, i);
-    const auto add = [&](double inverse_there, Sum& sum) {
-      const Sum step = stepAt(profile, paths.placeOf(paths[i], static_cast<float>(inverse_there)));
-      sum.change += step.change;
-      sum.weight_px += step.weight_px;
+    const double last = profile.end + kMixed_px - options_.artefact_px;
+    const auto addAt = [&](double place, int hypothesis) {
+      const Sum step = stepAt(profile, place);
+      for (Search* search : {&wide_, &all_}) {
+        if (search == &wide_ && place > last) continue;
+        Sum& sum = search->frame[static_cast<std::size_t>(hypothesis)];
+        sum.change += step.change;
+        sum.weight_px += step.weight_px;
+      }
     };
-    for (int h = 0; h < kHeights; ++h)
-      add(inverse * factor(heightAt(h)), frame_[static_cast<std::size_t>(h)]);
+    const auto add = [&](double inverse_there, int hypothesis) {
+      addAt(paths.placeOf(paths[i], static_cast<float>(inverse_there)), hypothesis);
+    };
+    for (int h = 0; h < kHeights; ++h) add(inverse * factor(heightAt(h)), h);
     for (int w = 0; cosine > 0.1 && w < kWidths; ++w) {
       const double range_m = 1.0 / inverse - widthAt(w) / cosine;
-      if (range_m > 0.0) add(1.0 / range_m, frame_[static_cast<std::size_t>(kHeights + w)]);
+      if (range_m > 0.0) add(1.0 / range_m, kHeights + w);
     }
+    for (int p = 0; p < kPixels; ++p) addAt(last - p, kHeights + kWidths + p);
   }
   ++frames_;
   const double share = 1.0 / std::min<double>(frames_, options_.memory_frames);
-  for (std::size_t k = 0; k < frame_.size(); ++k) {
-    Sum& sum = k < kHeights ? heights_[k] : widths_[k - kHeights];
-    sum.change += (frame_[k].change - sum.change) * share;
-    sum.weight_px += (frame_[k].weight_px - sum.weight_px) * share;
+  for (Search* search : {&wide_, &all_}) {
+    for (std::size_t k = 0; k < search->sums.size(); ++k) {
+      Sum& sum = search->sums[k];
+      sum.change += (search->frame[k].change - sum.change) * share;
+      sum.weight_px += (search->frame[k].weight_px - sum.weight_px) * share;
+    }
   }
 }
 
@@ -207,26 +222,70 @@ double Skirting::bestHeight(const std::vector<Sum>& sums) const {
   return bend < 0.0 ? index + std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : index;
 }
 
-/// Sets the height with most evidence, if that suffices, exceeds the evidence of each width, and single
-/// frames give the same height. Half of the evidence suffices for boards that are known, so that ends do not
-/// alternate.
-bool Skirting::decide() {
-  const double least = height_m_ > 0.0 ? 0.5 * options_.least_evidence : options_.least_evidence;
-  height_m_ = 0.0;
-  const double index = bestHeight(heights_);
-  const Sum& sum = heights_[static_cast<std::size_t>(std::lround(index))];
-  double width = 0.0;
-  for (const Sum& other : widths_) width = std::max(width, evidenceOf(other));
-  const double off_m = heightAt(bestHeight(frame_)) - heightAt(index);
-  variance_m2_ += (off_m * off_m - variance_m2_) / std::min<double>(frames_, options_.memory_frames);
-  if (frames_ < options_.least_frames) return false;
-  const double evidence = evidenceOf(sum), lead = evidence - width;
-  if (lead < least || lead < options_.least_lead * evidence ||
-      std::sqrt(variance_m2_) > options_.most_spread_m)
-    return false;
-  height_m_ = heightAt(index);
+/// Adds the height that this frame gives by itself. @return share of the frames with the same height as
+/// given; sets their variance
+double Skirting::vote(double height_m) {
+  const auto index = static_cast<std::size_t>(std::lround(bestHeight(all_.frame)));
+  const double share = 1.0 / options_.memory_frames;
+  for (double& votes : votes_) votes *= 1.0 - share;
+  if (evidenceOf(all_.frame[index]) >= options_.least_evidence) votes_[index] += 1.0;
+  double all = 0.0, same = 0.0, squares_m2 = 0.0;
+  for (std::size_t h = 0; h < votes_.size(); ++h) {
+    const double off_m = heightAt(static_cast<double>(h)) - height_m;
+    all += votes_[h];
+    if (std::abs(off_m) > options_.most_spread_m) continue;
+    same += votes_[h];
+    squares_m2 += votes_[h] * off_m * off_m;
+  }
+  variance_m2_ = same > 0.0 ? squares_m2 / same : 0.0;
+  return all > 0.0 ? same / all : 0.0;
+}
+
+/// Sets the height with most evidence, if that suffices, exceeds the evidence of each strip on the floor, and
+/// single frames give the same height. Half of the evidence suffices for boards that are proposed, so that
+/// ends do not alternate.
+bool Skirting::propose() {
+  const double least = proposed_m_ > 0.0 ? 0.5 * options_.least_evidence : options_.least_evidence;
+  proposed_m_ = 0.0;
+  const double index = bestHeight(all_.sums);
+  const Sum& sum = all_.sums[static_cast<std::size_t>(std::lround(index))];
+  const double evidence = evidenceOf(sum), lead = evidence - most(all_, kHeights, kHeights + kWidths),
+               agree = vote(heightAt(index));
+  if (lead < least || lead < options_.least_lead * evidence || agree < options_.least_agree) return false;
+  if (index <= 0.0 || index >= kHeights - 1.0) return false;  // more evidence may lie beyond
+  proposed_m_ = heightAt(index);
   change_ = sum.change / sum.weight_px;
   return true;
+}
+
+double Skirting::most(const Search& search, int from, int to) const {
+  double evidence = 0.0;
+  for (int k = from; k < to; ++k)
+    evidence = std::max(evidence, evidenceOf(search.sums[static_cast<std::size_t>(k)]));
+  return evidence;
+}
+
+/// Whether boards that are wider than what blur and compression colour give the proposed height, rather than
+/// strips of one width in the image.
+bool Skirting::isWide() const {
+  const double least = height_m_ > 0.0 ? 0.5 * options_.least_evidence : options_.least_evidence;
+  const double index = bestHeight(wide_.sums),
+               evidence = evidenceOf(wide_.sums[static_cast<std::size_t>(std::lround(index))]),
+               lead = evidence - most(wide_, kHeights + kWidths, kHypotheses);
+  return lead >= least && lead >= options_.least_lead * evidence &&
+         std::abs(heightAt(index) - proposed_m_) < options_.most_spread_m;
+}
+
+/// Nats, for upper edges as high as the proposed boards against edges on the floor, by their parallax.
+double Skirting::parallaxEvidence(const Boundary& boundary) {
+  if (std::abs(proposed_m_ - parallax_height_m_) > options_.most_spread_m) {
+    parallax_.restart();
+    parallax_height_m_ = proposed_m_;
+  }
+  for (std::size_t i = 0; i < followed_.size(); ++i) followed_[i] = places_[i].evidence > 0.0;
+  parallax_.add(boundary, followed_);
+  const double board = factor(proposed_m_) - 1.0, excess = parallax_.excess(), sigma = parallax_.sigma();
+  return 0.5 * board * (2.0 * excess - board) / (sigma * sigma);
 }
 
 /// Log likelihood ratios of a board against none for each beam, over heights around that of the boards,
@@ -241,7 +300,7 @@ void Skirting::compareBeams(const Boundary& boundary) {
       Sum& step = steps_[i * kOffsets + static_cast<std::size_t>(o)];
       step = {};
       if (profiles_[i].count == 0) continue;
-      const auto foot = static_cast<float>(boundary.inverse_m[i] * factor(height_m_ + offsetAt(o)));
+      const auto foot = static_cast<float>(boundary.inverse_m[i] * factor(proposed_m_ + offsetAt(o)));
       step = stepAt(profiles_[i], paths.placeOf(paths[i], foot));
     }
   }
@@ -288,41 +347,61 @@ void Skirting::placeBeam(const Boundary& boundary, std::size_t bearing) {
   if (bend < 0.0) place.offset += std::clamp(0.5 * (*(best - 1) - *(best + 1)) / bend, -0.5, 0.5);
 }
 
-const std::vector<std::uint8_t>& Skirting::apply(const cv::Mat& image, Boundary& boundary) {
-  std::fill(moved_.begin(), moved_.end(), std::uint8_t{0});
-  if (!options_.use || boundary.inverse_m.size() != profiles_.size()) return moved_;
+/// The end of a beam at a board: where height and the beams beside it place the foot, or at the edge there.
+void Skirting::moveToFoot(const cv::Mat& image, std::size_t i, Boundary& boundary) {
+  const BearingPaths& paths = floor_.paths();
+  const auto inverse =
+      static_cast<float>(boundary.inverse_m[i] * factor(height_m_ + offsetAt(places_[i].offset)));
+  const double foot = paths.placeOf(paths[i], inverse);
+  boundary.inverse_m[i] = inverse;
+  boundary.sigma[i] = static_cast<float>(options_.sigma_px) * std::abs(paths.slopeAt(paths[i], foot));
+  if (profiles_[i].end - foot < kRefine_px) return;
+  const auto edge = floor_.refine(i, static_cast<int>(std::lround(foot)), image);
+  if (!edge || std::abs(paths.placeOf(paths[i], edge->inverse_m) - foot) > kRefined_px) return;
+  boundary.inverse_m[i] = edge->inverse_m;
+  boundary.sigma[i] = edge->sigma;
+}
+
+const std::vector<Skirting::End>& Skirting::apply(const cv::Mat& image, const Motion& motion,
+                                                  Boundary& boundary) {
+  std::fill(ends_.begin(), ends_.end(), End::kOther);
+  if (!options_.use || boundary.inverse_m.size() != profiles_.size()) return ends_;
+  const Pose2 base_from_scan{boundary.origin_m.x(), boundary.origin_m.y(), 0.0};
+  if (motion.valid)
+    parallax_.move(base_from_scan.inverse() * motion.previous_from_current * base_from_scan);
+  else
+    parallax_.forget();
   sums_.clear();
   texture_ = Eigen::Matrix3d::Zero();
   textured_ = 0;
   for (std::size_t i = 0; i < profiles_.size(); ++i) readProfile(image, boundary, i);
-  if (textured_ == 0) return moved_;
+  if (textured_ == 0) return ends_;
   information_ = (texture_ / textured_ + kLeastVariance * Eigen::Matrix3d::Identity()).inverse();
   addEvidence(boundary);
-  if (!decide()) return moved_;
+  const bool is_proposed = propose();
+  bool is_known = is_proposed && isWide();
+  height_m_ = 0.0;
+  if (!is_proposed) return ends_;
   compareBeams(boundary);
-  const BearingPaths& paths = floor_.paths();
-  const std::size_t n = profiles_.size();
-  for (std::size_t i = 0; i < n; ++i) {
-    const Place& place = places_[i];
-    const double upper = boundary.inverse_m[i], inverse = upper * factor(height_m_ + offsetAt(place.offset));
-    if (upper <= 0.0) continue;
-    if (std::abs(place.evidence) < options_.least_beams) {  // it may end at the foot or at the upper edge
-      boundary.sigma[i] =
-          static_cast<float>(std::hypot(boundary.sigma[i], 0.5 * upper * (factor(height_m_) - 1.0)));
-      continue;
-    }
-    if (place.evidence < 0.0) continue;
-    moved_[i] = 1;
-    const double foot = paths.placeOf(paths[i], static_cast<float>(inverse));
-    boundary.inverse_m[i] = static_cast<float>(inverse);
-    boundary.sigma[i] = static_cast<float>(options_.sigma_px) * std::abs(paths.slopeAt(paths[i], foot));
-    if (profiles_[i].end - foot < kRefine_px) continue;
-    const auto edge = floor_.refine(i, static_cast<int>(std::lround(foot)), image);
-    if (!edge || std::abs(paths.placeOf(paths[i], edge->inverse_m) - foot) > kRefined_px) continue;
-    boundary.inverse_m[i] = edge->inverse_m;
-    boundary.sigma[i] = edge->sigma;
+  if (!is_known) {
+    const double evidence = parallaxEvidence(boundary);
+    if (evidence <= -options_.least_refuted) return ends_;
+    is_known = evidence >= options_.least_parallax;
   }
-  return moved_;
+  is_known = is_known && frames_ >= options_.least_frames;
+  if (is_known) height_m_ = proposed_m_;
+  for (std::size_t i = 0; i < ends_.size(); ++i) {
+    const double evidence = places_[i].evidence, upper = boundary.inverse_m[i];
+    if (upper <= 0.0 || evidence <= -options_.least_beams) continue;
+    if (is_known && evidence >= options_.least_beams) {
+      ends_[i] = End::kFoot;
+      moveToFoot(image, i, boundary);
+    } else {
+      ends_[i] = End::kUndecided;
+      boundary.sigma[i] = static_cast<float>(std::hypot(boundary.sigma[i], 0.5 * upper * (factor() - 1.0)));
+    }
+  }
+  return ends_;
 }
 
 }  // namespace omnifleet::ground

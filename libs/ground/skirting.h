@@ -5,20 +5,30 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "geometry/pose2.h"
 #include "ground/floor_boundary.h"
 #include "observation/boundary.h"
+#include "observation/observation.h"
 #include "options/options.h"
+#include "scan/edge_parallax.h"
 
 namespace omnifleet::ground {
 
 struct SkirtingOptions {
-  bool use = false;  ///< in rooms of other people's recordings it still sees boards where there are none
+  bool use = true;  ///< in rooms with walls
   /// m: heights of skirting boards that are searched for; those on sale have 4 to 12 cm
-  double min_height_m = 0.03, max_height_m = 0.15;
+  double min_height_m = 0.04, max_height_m = 0.15;
   /// nats: evidence for one height of all boards, against texture and against a strip of one width
   double least_evidence = 30.0;
   double least_lead = 0.05;      ///< 1, share of the evidence by which it exceeds that of each width
-  double most_spread_m = 0.015;  ///< m: standard deviation of the heights that single frames give
+  double most_spread_m = 0.015;  ///< m: heights of single frames that differ by less are the same
+  double least_agree = 0.5;      ///< 1, share of the frames that give the same height
+  /// pixels beside an edge that blur and compression colour: 8 × 8 blocks of JPEG reach so far at half
+  /// strength
+  double artefact_px = 6.0;
+  double least_parallax = 4.0;  ///< nats: evidence of parallax for boards that are narrower, …
+  double least_refuted = 2.0;   ///< nats: … or against them
+  scan::EdgeParallaxOptions parallax;
   /// nats: evidence of neighbouring beams for or against a board; with less, σ covers both
   double least_beams = 2.0;
   double sigma_px = 2.0;        ///< pixels: σ of a foot that the beams beside it and the height determine
@@ -44,20 +54,34 @@ class Skirting {
   /// @param camera_height_m H @param floor gives the paths and edges; must outlive this
   Skirting(double camera_height_m, const FloorBoundary& floor, const SkirtingOptions& options);
 
+  /// What a beam ends at.
+  enum class End : std::uint8_t {
+    kOther,     ///< as the floor boundary has it
+    kFoot,      ///< of a board; moved there
+    kUndecided  ///< at the foot of a board or at its upper edge; σ covers both
+  };
+
   /// Moves ends of the floor from the upper edge of a board to its foot.
   /// @param image BGR8 or grey @param boundary of that image, as found by `floor`
-  /// @return per bearing, whether it was moved; valid until the next call
-  const std::vector<std::uint8_t>& apply(const cv::Mat& image, Boundary& boundary);
+  /// @param motion since the last call @return per bearing; valid until the next call
+  const std::vector<End>& apply(const cv::Mat& image, const Motion& motion, Boundary& boundary);
+  /// Inverse range of the foot of a board, relative to that of its upper edge. With the proposed height.
+  double factor() const { return factor(proposed_m_); }
 
   /// Metres; 0 while no boards are known.
   double height_m() const { return height_m_; }
 
  private:
-  static constexpr int kHeights = 49, kWidths = 60, kOffsets = 11;
+  static constexpr int kHeights = 49, kWidths = 60, kPixels = 16, kOffsets = 11;
+  static constexpr int kHypotheses = kHeights + kWidths + kPixels;
   /// Step of colour along one hypothesis, weighted with pixels on both sides; sums decay from frame to frame.
   struct Sum {
     Eigen::Vector3d change = Eigen::Vector3d::Zero();
     double weight_px = 0.0;
+  };
+  /// What may explain the steps: boards of one height, strips of one width on the floor or in the image.
+  struct Search {
+    std::vector<Sum> sums = std::vector<Sum>(kHypotheses), frame = sums;  ///< mean of the frames; of the last
   };
   /// Colours along the end of one beam.
   struct Profile {
@@ -75,7 +99,12 @@ class Skirting {
   double incidence(const Boundary& boundary, std::size_t bearing) const;
   void addEvidence(const Boundary& boundary);
   double bestHeight(const std::vector<Sum>& sums) const;
-  bool decide();
+  double vote(double height_m);
+  bool propose();
+  double most(const Search& search, int from, int to) const;
+  bool isWide() const;
+  double parallaxEvidence(const Boundary& boundary);
+  void moveToFoot(const cv::Mat& image, std::size_t bearing, Boundary& boundary);
   double offsetAt(double index) const;
   void placeBeam(const Boundary& boundary, std::size_t bearing);
   void compareBeams(const Boundary& boundary);
@@ -89,9 +118,14 @@ class Skirting {
   double textured_ = 0.0;  ///< pixels in texture_
   /// Inverse covariance of the deviations on the floor: texture changes brightness more than hue.
   Eigen::Matrix3d information_ = Eigen::Matrix3d::Zero();
-  std::vector<Sum> heights_, widths_, frame_;
+  Search all_, wide_;          ///< all; feet farther from the upper edge than blur and compression reach
+  std::vector<double> votes_;  ///< per height: frames that give it; they decay
+  scan::EdgeParallax parallax_;
+  double parallax_height_m_ = 0.0;  ///< of the boards whose upper edges it follows
+  std::vector<bool> followed_;      ///< per bearing
   int frames_ = 0;
-  double height_m_ = 0.0, variance_m2_ = 0.0;         ///< variance: of the heights of single frames
+  double height_m_ = 0.0, proposed_m_ = 0.0;
+  double variance_m2_ = 0.0;                          ///< of the heights of single frames
   Eigen::Vector3d change_ = Eigen::Vector3d::Zero();  ///< from the floor to the board
   /// The most likely foot of a beam.
   struct Place {
@@ -101,7 +135,7 @@ class Skirting {
   std::vector<Sum> steps_;        ///< per bearing and height around height_m_
   std::vector<double> evidence_;  ///< likewise, nats
   std::vector<Place> places_;     ///< per bearing
-  std::vector<std::uint8_t> moved_;
+  std::vector<End> ends_;
 };
 
 }  // namespace omnifleet::ground

@@ -71,7 +71,7 @@ struct LocalMapper::Stages {
   void forget();
   OcclusionCheck::FrameContent content() const;
   void measureObjects(const cv::Mat& image);
-  void findBoundary(const cv::Mat& image);
+  void findBoundary(const cv::Mat& image, const Motion& own);
   bool measureParts(const cv::Mat& image, const ground::Blob& blob);
   void measurePart(const std::vector<ground::Blob>& parts, std::size_t i, bool by_colour);
   ground::ContourFrame contourFrame(const cv::Mat& image, const cv::Mat1b& objects) const {
@@ -192,10 +192,10 @@ const LocalMap& LocalMapper::process(const Frame& frame, const Motion& wheels) {
     s.discard();
     return s.map;
   }
-  s.findBoundary(frame.image);
   if (s.floor_odometry)
     s.map.floor_motion = s.floor_odometry->add(frame.acquired_ns, frame.image, s.segmenter.objects(), wheels);
   const Motion own = wheels.valid ? wheels : asMotion(s.map.floor_motion);
+  s.findBoundary(frame.image, own);
   s.flow.track(s.object_blobs, s.blob_of_object, own, s.map.objects);  // eq. 2–7 and the filter of §III.5
   if (s.options.silhouette.outline == "features") {
     for (ObjectObservation& object : s.map.objects) s.silhouette.measureFeatures(object);
@@ -293,7 +293,7 @@ void LocalMapper::Stages::measureObjects(const cv::Mat& image) {
 
 /// The boundary of the floor. Walls of nearly the floor's colour are no regions; the scan says where they
 /// stand. In a room the boundary ends at the foot of skirting boards, and so does the scan.
-void LocalMapper::Stages::findBoundary(const cv::Mat& image) {
+void LocalMapper::Stages::findBoundary(const cv::Mat& image, const Motion& own) {
   map.boundary = boundary.find(image, segmenter.objects());
   if (!has_walls) return;
   const std::size_t beams = map.boundary.inverse_m.size(), rays = map.scan.range_m.size();
@@ -304,15 +304,21 @@ void LocalMapper::Stages::findBoundary(const cv::Mat& image) {
     if (ends_at_wall && map.scan.range_m[ray] > 0.0f) wall_inverse_m[beam] = 1.0f / map.scan.range_m[ray];
   }
   boundary.complete(image, wall_inverse_m, map.boundary);
-  const std::vector<std::uint8_t>& moved = skirting.apply(image, map.boundary);
-  for (std::size_t ray = 0; ray < map.scan.range_m.size(); ++ray) {
-    const std::size_t beam = ray * moved.size() / map.scan.range_m.size();
-    if (moved[beam] == 0) continue;
-    const float inverse = map.boundary.inverse_m[beam], range_m = 1.0f / inverse;
+  const std::vector<ground::Skirting::End>& ends = skirting.apply(image, own, map.boundary);
+  for (std::size_t ray = 0; ray < rays; ++ray) {
+    const std::size_t beam = ray * beams / rays;
+    if (ends[beam] == ground::Skirting::End::kOther) continue;
+    const bool is_foot = ends[beam] == ground::Skirting::End::kFoot;
+    const float inverse =
+                    map.boundary.inverse_m[beam] * static_cast<float>(is_foot ? 1.0 : skirting.factor()),
+                range_m = 1.0f / inverse;
     if (map.scan.range_m[ray] <= range_m) continue;
     map.scan.range_m[ray] = range_m;
     map.scan.sigma_m[ray] = map.boundary.sigma[beam] * range_m * range_m;
-    if (map.scan.label[ray] == RayLabel::kFloorEnd) map.scan.label[ray] = RayLabel::kObstacle;
+    if (!is_foot)
+      map.scan.label[ray] = RayLabel::kUndecided;
+    else if (map.scan.label[ray] == RayLabel::kFloorEnd)
+      map.scan.label[ray] = RayLabel::kObstacle;
   }
 }
 
