@@ -17,6 +17,7 @@ constexpr double kRefined_px = 1.5;      // by which that may differ from where 
 constexpr double kLeastVariance = 1e-6;  // of a colour: 0.1 % of the floor's brightness, rounding
 constexpr double kMinWidth_m = 0.01, kMaxWidth_m = 0.6;
 constexpr double kOffset_m = 0.005;  // between the heights that are compared for single beams
+constexpr std::size_t kStride = 4;   // beams from one in the search to the next; other ones in each frame
 constexpr int kRounds = 4;
 constexpr int kBeside = 6;      // beams to both sides that decide together
 constexpr float kJump = 0.15f;  // share of the inverse range by which they may differ
@@ -147,10 +148,10 @@ Skirting::Sum Skirting::stepAt(const Profile& profile, double foot) const {
   return step;
 }
 
-/// Nats: log likelihood ratio of a step to the mean deviation against none.
+/// Nats: log likelihood ratio of a step to the mean deviation against none, for all beams.
 double Skirting::evidenceOf(const Sum& sum) const {
   if (sum.weight_px <= 0.0) return 0.0;
-  return 0.5 * sum.change.dot(information_ * sum.change) / sum.weight_px / options_.correlated_px;
+  return 0.5 * kStride * sum.change.dot(information_ * sum.change) / sum.weight_px / options_.correlated_px;
 }
 
 /// Cosine between a beam and the normal of what it ends at; 0: unknown.
@@ -166,10 +167,14 @@ double Skirting::incidence(const Boundary& boundary, std::size_t bearing) const 
   return std::abs(along.x() * beam.y() - along.y() * beam.x());
 }
 
+std::size_t Skirting::firstBeam() const {
+  return static_cast<std::size_t>(frames_) % kStride;
+}
+
 void Skirting::addEvidence(const Boundary& boundary) {
   const BearingPaths& paths = floor_.paths();
   for (Search* search : {&wide_, &all_}) std::fill(search->frame.begin(), search->frame.end(), Sum{});
-  for (std::size_t i = 0; i < profiles_.size(); ++i) {
+  for (std::size_t i = firstBeam(); i < profiles_.size(); i += kStride) {
     const Profile& profile = profiles_[i];
     if (profile.count == 0) continue;
     const double inverse = boundary.inverse_m[i], cosine = incidence(boundary, i);
@@ -374,7 +379,8 @@ const std::vector<Skirting::End>& Skirting::apply(const cv::Mat& image, const Mo
   sums_.clear();
   texture_ = Eigen::Matrix3d::Zero();
   textured_ = 0;
-  for (std::size_t i = 0; i < profiles_.size(); ++i) readProfile(image, boundary, i);
+  const std::size_t first = firstBeam();
+  for (std::size_t i = first; i < profiles_.size(); i += kStride) readProfile(image, boundary, i);
   if (textured_ == 0) return ends_;
   information_ = (texture_ / textured_ + kLeastVariance * Eigen::Matrix3d::Identity()).inverse();
   addEvidence(boundary);
@@ -382,6 +388,8 @@ const std::vector<Skirting::End>& Skirting::apply(const cv::Mat& image, const Mo
   bool is_known = is_proposed && isWide();
   height_m_ = 0.0;
   if (!is_proposed) return ends_;
+  for (std::size_t i = 0; i < profiles_.size(); ++i)
+    if (i % kStride != first) readProfile(image, boundary, i);
   compareBeams(boundary);
   if (!is_known) {
     const double evidence = parallaxEvidence(boundary);

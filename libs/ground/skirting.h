@@ -46,9 +46,10 @@ struct SkirtingOptions {
 /// and the angle at which it is seen. So the change of colour there, from the floor to the board, is averaged
 /// over all beams for each h (a matched filter): a faint board of one colour adds up, texture of the floor
 /// does not. A shadow or a strip along the walls has one width instead; its evidence is computed likewise and
-/// must be less. Where walls are seen at one distance only, both explain the same and nothing changes. Each
-/// beam decides whether it ends at a board, together with the beams beside it: doors have none. (Method: this
-/// project.)
+/// must be less. Where walls are seen at one distance only, both explain the same and nothing changes. Blur
+/// and compression colour the floor beside an edge as a narrow board would, so narrow boards must be
+/// confirmed by the parallax of their upper edges (scan::EdgeParallax). Each beam decides whether it ends at
+/// a board, together with the beams beside it: doors have none. (Method: this project.)
 class Skirting {
  public:
   /// @param camera_height_m H @param floor gives the paths and edges; must outlive this
@@ -72,7 +73,7 @@ class Skirting {
   double height_m() const { return height_m_; }
 
  private:
-  static constexpr int kHeights = 49, kWidths = 60, kPixels = 16, kOffsets = 11;
+  static constexpr int kHeights = 23, kWidths = 30, kPixels = 16, kOffsets = 11;
   static constexpr int kHypotheses = kHeights + kWidths + kPixels;
   /// Step of colour along one hypothesis, weighted with pixels on both sides; sums decay from frame to frame.
   struct Sum {
@@ -97,6 +98,7 @@ class Skirting {
   Sum stepAt(const Profile& profile, double foot) const;
   double evidenceOf(const Sum& sum) const;
   double incidence(const Boundary& boundary, std::size_t bearing) const;
+  std::size_t firstBeam() const;
   void addEvidence(const Boundary& boundary);
   double bestHeight(const std::vector<Sum>& sums) const;
   double vote(double height_m);

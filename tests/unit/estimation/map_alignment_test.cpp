@@ -290,6 +290,29 @@ TEST(MapAlignment, MatchesAnEndRoomWhereTheOwnMapShowsNoSymmetry) {
   EXPECT_LT(std::abs(off.theta_rad), 0.01);
 }
 
+// Laid against the outside of the long wall, the robot's map contradicts nothing. That is no symmetry: none
+// of its scans matches there.
+TEST(MapAlignment, TakesNoMapForSymmetricThatCanBeLaidBesideItself) {
+  Scene room{{rectangle(-4.0, -0.1, 4.0, 0.0)}};
+  for (const Polygon& furniture :
+       {rectangle(-3.6, 1.2, -2.6, 1.9), rectangle(-1.9, 2.6, -0.9, 3.1), rectangle(-0.7, 0.9, 0.1, 1.3),
+        rectangle(0.9, 2.3, 1.5, 3.2), rectangle(1.9, 0.9, 2.9, 1.4), rectangle(3.2, 2.0, 3.9, 2.9)})
+    room.outlines.push_back(furniture);
+  Explored others(room, 1, 0), robot(room, 2, 1);
+  const auto along = [](double x_m, double turn_rad) { return Pose2{x_m, 1.75, turn_rad}; };
+  for (int k = 0; k < 12; ++k) others.drive(along(-2.2 + 0.35 * k, 0.0), {});
+  MapAlignmentOptions options;
+  options.search.min_score = 0.25;
+  MapAlignment alignment(options);
+  MapAlignment::Result result;
+  for (int k = 0; k < 10; ++k) {
+    robot.drive(along(2.0 - 0.35 * k, 2.5), kOwnFromRoom);
+    result = alignment.update(others.all(), robot.all());
+  }
+  ASSERT_EQ(result.status, AlignmentStatus::kMatched) << result.reason;
+  EXPECT_LT((result.map_from_own * kOwnFromRoom).translation().norm(), 0.02);
+}
+
 TEST(MapAlignment, DoesNotMatchRoomsOfOtherSize) {
   Scene other{
       {rectangle(-2.2, -1.6, 2.2, 1.6), rectangle(-2.2, 1.0, -1.5, 1.6), rectangle(0.2, 0.9, 0.6, 1.2)}};
