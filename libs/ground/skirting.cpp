@@ -82,6 +82,7 @@ double Skirting::factor(double height_m) const {
 void Skirting::readProfile(const cv::Mat& image, const Boundary& boundary, std::size_t bearing) {
   Profile& profile = profiles_[bearing];
   profile.count = 0;
+  profile.is_narrow = false;
   const float inverse = boundary.inverse_m[bearing];
   if (inverse <= 0.0f) return;
   const BearingPaths& paths = floor_.paths();
@@ -91,7 +92,8 @@ void Skirting::readProfile(const cv::Mat& image, const Boundary& boundary, std::
       paths.placeOf(path, static_cast<float>(inverse * factor(options_.max_height_m))) - kMixed_px;
   const int floor_end = static_cast<int>(highest), last = static_cast<int>(profile.end + 0.5);
   profile.first = floor_end - static_cast<int>(kFloor_px);
-  if (profile.first < 0 || profile.end - highest < kLeast_px) return;
+  profile.is_narrow = profile.end - highest < kLeast_px;
+  if (profile.first < 0 || profile.is_narrow) return;
   colours_.clear();
   for (int k = profile.first; k <= last; ++k) {
     const cv::Vec3f colour = paths.colour(image, path, k);
@@ -396,16 +398,18 @@ const std::vector<Skirting::End>& Skirting::apply(const cv::Mat& image, const Mo
     if (evidence <= -options_.least_refuted) return ends_;
     is_known = evidence >= options_.least_parallax;
   }
-  is_known = is_known && frames_ >= options_.least_frames;
+  const bool is_settled = frames_ >= options_.least_frames;  // before, only σ allows for boards
+  is_known = is_known && is_settled;
   if (is_known) height_m_ = proposed_m_;
   for (std::size_t i = 0; i < ends_.size(); ++i) {
     const double evidence = places_[i].evidence, upper = boundary.inverse_m[i];
-    if (upper <= 0.0 || evidence <= -options_.least_beams) continue;
+    const bool is_near = profiles_[i].count == 0 && !profiles_[i].is_narrow;  // too little floor before it
+    if (upper <= 0.0 || is_near || evidence <= -options_.least_beams) continue;
     if (is_known && evidence >= options_.least_beams) {
       ends_[i] = End::kFoot;
       moveToFoot(image, i, boundary);
     } else {
-      ends_[i] = End::kUndecided;
+      if (is_settled) ends_[i] = End::kUndecided;
       boundary.sigma[i] = static_cast<float>(std::hypot(boundary.sigma[i], 0.5 * upper * (factor() - 1.0)));
     }
   }

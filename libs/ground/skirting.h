@@ -87,6 +87,7 @@ class Skirting {
   /// Colours along the end of one beam.
   struct Profile {
     int first = 0;                     ///< step of the first sample
+    bool is_narrow = false;            ///< even the highest board shows too few pixels
     double end = 0.0;                  ///< place just before the upper edge
     std::size_t begin = 0, count = 0;  ///< cumulative deviations in sums_; count 0: not usable
   };
