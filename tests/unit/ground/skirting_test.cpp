@@ -301,7 +301,25 @@ TEST(Skirting, ChangesNothingWhereTheImageHasStripsBesideEdges) {
   const Boundary boundary = room.run(skirting, 14, 0.1);
   EXPECT_EQ(skirting.height_m(), 0.0);
   EXPECT_EQ(room.movedCount(), 0);
+  EXPECT_EQ(room.count(Skirting::End::kUndecided), 0);
   EXPECT_GE(shareRight(room, boundary), 0.98);
+}
+
+// Too little floor is visible before a near wall. It is no reason to doubt where it stands.
+TEST(Skirting, LeavesWallsThatAreTooNearToBeJudged) {
+  Boards boards;
+  boards.distance_m = {1.2, 1.7, 0.4, 2.0};
+  SkirtedRoom room(boards);
+  Skirting skirting = room.skirting();
+  room.run(skirting);
+  ASSERT_GT(skirting.height_m(), 0.0);
+  int near = 0;
+  for (std::size_t i = 0; i < room.ends().size(); ++i) {
+    if (room.range(i) > 0.42) continue;
+    ++near;
+    EXPECT_NE(room.ends()[i], Skirting::End::kUndecided) << i;
+  }
+  EXPECT_GT(near, 20);
 }
 
 }  // namespace
