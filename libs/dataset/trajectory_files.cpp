@@ -59,11 +59,38 @@ std::string parseName(std::string_view field, const char* what, const Names& val
   return fmt::format("the {} must be one of {}", what, names);
 }
 
+constexpr std::string_view kNoSources = "none";
+
+/// Names joined by '+', or "none". Returns the problem, or an empty string.
+std::string parseSources(std::string_view field, SourceSet& sources) {
+  sources = {};
+  if (field == kNoSources) return {};
+  while (true) {
+    const std::size_t end = field.find('+');
+    Source source{};
+    std::string problem = parseName(field.substr(0, end), "source", kSources, source);
+    if (!problem.empty() || end == std::string_view::npos) {
+      if (problem.empty()) sources.add(source);
+      return problem;
+    }
+    sources.add(source);
+    field.remove_prefix(end + 1);
+  }
+}
+
+std::string sourcesText(SourceSet sources) {
+  std::string text;
+  for (const Source source : kSources)
+    if (sources.has(source)) text += (text.empty() ? "" : "+") + std::string(toString(source));
+  return text.empty() ? std::string(kNoSources) : text;
+}
+
 std::string parseLocalization(const Fields& fields, StampedLocalization& row) {
   constexpr double kMaxCorrection = 1e9;  // σ
-  if (fields.size() != 4)
-    return fmt::format("expected 4 values: timestamp [ns],state,event,correction [sigma], got {}",
-                       fields.size());
+  if (fields.size() != 4 && fields.size() != 6)
+    return fmt::format(
+        "expected 6 values: timestamp [ns],state,event,correction [sigma],used,rejected, got {}",
+        fields.size());
   if (!parseTime(fields[0], row.time_ns)) return "the timestamp must be whole nanoseconds";
   std::string problem = parseName(fields[1], "state", kLocalizationStates, row.state);
   if (problem.empty()) problem = parseName(fields[2], "event", kPoseEvents, row.event);
@@ -71,7 +98,9 @@ std::string parseLocalization(const Fields& fields, StampedLocalization& row) {
   if (!parseNumber(fields[3], row.correction_sigmas) || row.correction_sigmas < 0.0 ||
       row.correction_sigmas > kMaxCorrection)
     return fmt::format("the correction must be between 0 and {:g} sigma", kMaxCorrection);
-  return {};
+  if (fields.size() == 4) return {};
+  problem = parseSources(fields[4], row.used);
+  return problem.empty() ? parseSources(fields[5], row.rejected) : problem;
 }
 
 std::string parseVertex(const Fields& fields, G2oGraph& graph) {
@@ -164,10 +193,10 @@ std::vector<StampedCovariance> readCovariances(const std::string& path, std::vec
 }
 
 void writeLocalization(const std::string& path, const std::vector<StampedLocalization>& rows) {
-  std::string text = "#timestamp [ns],state,event,correction [sigma]\n";
+  std::string text = "#timestamp [ns],state,event,correction [sigma],used,rejected\n";
   for (const StampedLocalization& row : rows)
-    text += fmt::format("{},{},{},{:.9g}\n", row.time_ns, toString(row.state), toString(row.event),
-                        row.correction_sigmas);
+    text += fmt::format("{},{},{},{:.9g},{},{}\n", row.time_ns, toString(row.state), toString(row.event),
+                        row.correction_sigmas, sourcesText(row.used), sourcesText(row.rejected));
   writeAtomic(path, text);
 }
 

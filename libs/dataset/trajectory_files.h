@@ -28,7 +28,8 @@ struct StampedLocalization {
   TimeNs time_ns = 0;
   LocalizationState state = LocalizationState::kUnlocated;
   PoseEvent event = PoseEvent::kNone;
-  double correction_sigmas = 0.0;  ///< size of the correction of the event, σ of the prediction
+  double correction_sigmas = 0.0;      ///< size of the correction of the event, σ of the prediction
+  SourceSet used = {}, rejected = {};  ///< as in PoseEstimate
 };
 
 inline constexpr std::array kLocalizationStates{LocalizationState::kUnlocated, LocalizationState::kLocalized,
@@ -66,11 +67,13 @@ void writeCovariances(const std::string& path, const std::vector<StampedCovarian
 std::vector<StampedCovariance> readCovariances(const std::string& path,
                                                std::vector<std::string>* warnings = nullptr);
 
-/// States and events of a robot's pose samples: "#timestamp [ns],state,event,correction [sigma]", state and
-/// event by their names (toString). Writes atomically. Throws std::runtime_error.
+/// States, events and sources of a robot's pose samples: "#timestamp [ns],state,event,correction
+/// [sigma],used,rejected". State, event and sources by their names (toString); several sources are joined by
+/// '+', "none" stands for no source. Writes atomically. Throws std::runtime_error.
 void writeLocalization(const std::string& path, const std::vector<StampedLocalization>& rows);
 /// Malformed rows, unknown names and corrections outside of 0 to 1e9 σ are ignored and listed in `warnings`.
-/// Throws std::runtime_error when the file cannot be read.
+/// Rows without the two columns of sources, as older versions wrote them, are read with empty sets. Throws
+/// std::runtime_error when the file cannot be read.
 std::vector<StampedLocalization> readLocalization(const std::string& path,
                                                   std::vector<std::string>* warnings = nullptr);
 

@@ -215,7 +215,7 @@ void BearingSampler::samplePiece(const std::vector<ColumnHit>& hits, std::size_t
       continue;
     }
     const RayLabel label = a.low || b.low         ? RayLabel::kUndecided
-                           : a.beyond || b.beyond ? RayLabel::kUnknown
+                           : a.beyond || b.beyond ? RayLabel::kBeyond
                                                   : RayLabel::kObstacle;
     while (first < end && hits[first].bearing_rad > bearing + 0.5f * bin_rad) ++first;
     float weight = 0.0f, sum = 0.0f, place = 0.0f;

@@ -257,6 +257,7 @@ ColumnEdges::Pair ColumnEdges::find(const cv::Mat& bgr, const ColumnView& view, 
         1.0f / std::max(kFarthest, view.inverseRange(u, static_cast<float>(row + kReach_px - i)));
   }
   Pair pair;
+  pair.weak = weak;
   pair.luma = measure(profile, row, noise, static_cast<float>(options_.sigma_px),
                       weak ? 0.0f : static_cast<float>(options_.min_contrast));
   cv::Vec3f below(0, 0, 0), above(0, 0, 0);

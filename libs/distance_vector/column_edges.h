@@ -28,6 +28,7 @@ class ColumnEdges {
   };
   struct Pair {
     std::optional<Edge> luma, hue;
+    bool weak = false;  ///< as given: no pixel of the column shows the boundary by itself
   };
   /// @param bgr CV_8UC3 @param row first row that is no floor, roughly @param weak the contrast may be
   /// lower than the least one, if it is clear in σ @param noise σ of a pixel, grey levels

@@ -15,6 +15,8 @@ constexpr double kLeastShare = 0.03;  // of the columns that see floor: with few
 // Columns that continue above the horizon, or end without an edge, per column with an end, or with an edge.
 constexpr double kMostThrough = 3.0;
 constexpr int kSameEdge_px = 8;  // rows between one edge in level and in hue: JPEG codes hue in blocks of 16
+// An edge so near to the farthest row is blurred over it by smoothing and by JPEG, which halves hue.
+constexpr float kBlur_px = 2.0f;
 constexpr float kWholePixelSigma_px = 0.4f;  // σ of a boundary in whole pixels, threshold included
 
 }  // namespace
@@ -68,7 +70,6 @@ bool DistanceVector::findFloor(const cv::Mat& bgr) {
   for (const FloorSample& sample : colour_.find(smoothed_)) {
     ends_ = walk_.walk(smoothed_, sample);
     const bool is_known = knows_floor && sample.remembered;
-    if (!is_known && !isPlausible(ends_)) continue;
     splitColumns(sample, is_known);
     if (!isPlausible(ends_)) continue;
     // The literal method has whole pixels, without edges.
@@ -167,6 +168,7 @@ void DistanceVector::project() {
     hit.low = ends_[i].low;
     hit.beyond = ends_[i].beyond;
     hit.row = static_cast<float>(ends_[i].row);
+    if (hit.end == End::kFloorEnd) hit.row += kBlur_px;
     float sigma_px = 0.5f;
     if (hit.end == End::kEdge) {
       if (std::isnan(edges[i].row)) {
@@ -177,7 +179,7 @@ void DistanceVector::project() {
       sigma_px = edges[i].sigma_px;
       if (hit.row < static_cast<float>(view_.limitRow(u))) {
         hit.end = End::kFloorEnd;
-        hit.row = static_cast<float>(view_.limitRow(u));
+        hit.row = static_cast<float>(view_.limitRow(u)) + kBlur_px;
       }
     }
     if (hit.end != End::kEdge && hit.end != End::kFloorEnd) continue;

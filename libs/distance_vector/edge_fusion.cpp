@@ -11,6 +11,8 @@ constexpr std::size_t kLeastOffsets = 24;  // columns that say how far shadows s
 constexpr float kToSigma = 1.4826f;        // median of absolute deviations → σ
 constexpr float kSharedColumns = 16.0f;    // JPEG codes hue in blocks of sixteen columns
 constexpr float kSingle_px = 3.0f;         // offsets beyond belong to different edges
+constexpr float kSameLine_px = 6.0f;       // steps within a window beyond belong to another boundary
+constexpr int kLeastOnLine = 6;            // columns that show how much edges scatter
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
@@ -24,7 +26,45 @@ float medianOf(std::vector<float>& values) {
   return *middle;
 }
 
+/// σ of one kind of edge about a straight line, over the columns around whose edges are near; infinite where
+/// too few are.
+float scatterAround(const std::vector<ColumnEdges::Pair>& pairs, std::size_t u, int window_px,
+                    std::optional<ColumnEdges::Edge> ColumnEdges::Pair::*kind) {
+  const float here = (pairs[u].*kind)->row;
+  const auto middle = static_cast<int>(u);
+  const int from = std::max(0, middle - window_px),
+            to = std::min(static_cast<int>(pairs.size()) - 1, middle + window_px);
+  float n = 0.0f, sx = 0.0f, sy = 0.0f, sxx = 0.0f, sxy = 0.0f, syy = 0.0f;
+  for (int i = from; i <= to; ++i) {
+    const auto& edge = pairs[static_cast<std::size_t>(i)].*kind;
+    if (!edge || std::abs(edge->row - here) > kSameLine_px) continue;
+    const auto x = static_cast<float>(i - middle);
+    const float y = edge->row - here;
+    n += 1.0f;
+    sx += x;
+    sy += y;
+    sxx += x * x;
+    sxy += x * y;
+    syy += y * y;
+  }
+  if (n < static_cast<float>(kLeastOnLine)) return std::numeric_limits<float>::infinity();
+  const float slope = (sxy - sx * sy / n) / (sxx - sx * sx / n);
+  const float squares = syy - sy * sy / n - slope * (sxy - sx * sy / n);
+  return std::sqrt(std::max(squares, 0.0f) / (n - 2.0f));
+}
+
 }  // namespace
+
+/// The edge in hue, if it scatters less than that in luma, which then lies on texture: a wall as bright as
+/// the floor has its edge in hue alone. Edges of weak columns are noisy in hue.
+std::optional<EdgeFusion::Edge> EdgeFusion::smootherHue(const std::vector<Pair>& pairs, std::size_t u) const {
+  const Pair& here = pairs[u];
+  if (here.weak || !here.luma || !here.hue) return std::nullopt;
+  const float hue_px = scatterAround(pairs, u, window_px_, &Pair::hue);
+  if (!(std::hypot(hue_px, shared_px_) < scatterAround(pairs, u, window_px_, &Pair::luma)))
+    return std::nullopt;
+  return Edge{here.hue->row, std::hypot(std::max(here.hue->sigma_px, hue_px), shared_px_)};
+}
 
 /// The mean offset of the boundary around a column, and its variance.
 EdgeFusion::Offset EdgeFusion::offsetAround(const std::vector<Pair>& pairs, std::size_t u) const {
@@ -89,7 +129,10 @@ const std::vector<EdgeFusion::Edge>& EdgeFusion::fuse(const std::vector<Pair>& p
   means_.reserve(pairs.size());
   measureScene(pairs);
   edges_.resize(pairs.size());
-  for (std::size_t u = 0; u < pairs.size(); ++u) edges_[u] = fuseColumn(pairs[u], offsets_[u]);
+  for (std::size_t u = 0; u < pairs.size(); ++u) {
+    const auto hue = smootherHue(pairs, u);
+    edges_[u] = hue ? *hue : fuseColumn(pairs[u], offsets_[u]);
+  }
   return edges_;
 }
 

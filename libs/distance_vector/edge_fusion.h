@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "distance_vector/column_edges.h"
@@ -12,7 +13,8 @@ namespace omnifleet::distance_vector {
 /// whose boundary continues, and taken off the edge in luma. The offsets of the whole image say how far
 /// shadows shift edges in this scene: with that σ the offset is shrunk where hue is uncertain (an image
 /// without shadows gives the edges in luma), and an edge without hue is moved by their median and gets their
-/// scatter as σ.
+/// scatter as σ. Where the edges in luma scatter more than those in hue, they lie on texture, and the edge is
+/// that in hue.
 class EdgeFusion {
  public:
   using Pair = ColumnEdges::Pair;
@@ -41,6 +43,7 @@ class EdgeFusion {
   };
   Offset offsetAround(const std::vector<Pair>& pairs, std::size_t u) const;
   void measureScene(const std::vector<Pair>& pairs);
+  std::optional<Edge> smootherHue(const std::vector<Pair>& pairs, std::size_t u) const;
   Edge fuseColumn(const Pair& here, const Offset& offset) const;
 
   int window_px_;

@@ -9,6 +9,7 @@
 #include "estimation/localization.h"
 #include "estimation/map_frame.h"
 #include "estimation/published_poses.h"
+#include "estimation/sources.h"
 #include "estimation/starts.h"
 #include "estimation/troubles.h"
 #include "estimation/uncertainty.h"
@@ -166,6 +167,9 @@ std::vector<PoseEstimate> FleetEstimator::Impl::report(const std::vector<Frame>&
     estimate.state = robot.localization_aid.monitor.state();
     estimate.event = robot.localization_aid.event;
     estimate.correction_sigmas = robot.localization_aid.correction_sigmas;
+    const PoseSources sources = sourcesOf(fleet, frame);
+    estimate.used = sources.used;
+    estimate.rejected = sources.rejected;
     if (estimate.valid) {
       estimate.map_from_base = fleet.pose(robot.window.back().pose);
       estimate.covariance = robot.covariance;

@@ -41,6 +41,7 @@ void FleetEstimator::Impl::locate(std::vector<Frame>& frames, TimeNs time) {
     if (!frame.fresh) continue;
     RobotNode& robot = *frame.robot;
     robot.absolute_aid.accepted = false;
+    robot.absolute_aid.used = robot.absolute_aid.rejected = {};
     robot.absolute_aid.fix.reset();
     if (robot.located()) {
       if (!robot.window.back().keyframe) fleet.dropViews(robot.window.back());
@@ -178,6 +179,7 @@ void FleetEstimator::Impl::checkViews(std::vector<Frame>& frames) {
       }
       if (misfit) {
         ++frame.robot->status.rejected_views;
+        frame.rejected.add(at->landmark != 0 ? Source::kLandmarks : Source::kSightings);
         fleet.graph.removeFactor(at->factor);
         for (Seen& seen : frame.seen) {
           if (seen.track->id == at->track) seen.peer = nullptr, seen.landmark = 0;

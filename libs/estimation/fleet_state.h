@@ -71,8 +71,9 @@ struct Step {
   bool wheels_rejected = false;        ///< the wheels measured another one, which the observations contradict
   double rolled_m = 0.0, rolled_rad = 0.0;  ///< way and turn if one wheel alone had rolled as both have
   bool keyframe = false;
-  std::optional<Pose2> published;                ///< its pose in the newest publication
-  std::vector<Sighting> sightings;               ///< as reported
+  bool by_search = false;           ///< placed where the relocalizer has found its scan among keyframes
+  std::optional<Pose2> published;   ///< its pose in the newest publication
+  std::vector<Sighting> sightings;  ///< as reported
   std::shared_ptr<const Appearance> appearance;  ///< of a frame that becomes a place
   std::vector<ViewLink> views;
   ScanLink scan;
@@ -233,6 +234,7 @@ struct LocalizationAid {
 struct AbsoluteAid {
   std::optional<AbsoluteFix> fix;  ///< of its newest frame
   bool accepted = false;           ///< since its last frame an absolute measurement has been accepted
+  SourceSet used, rejected;        ///< sources of the measurements of its newest frame
   int disagreements = 0;           ///< absolute measurements in a row that the gate rejected
   int refusals = 0;                ///< ranges and bearings in a row that the gate rejected
   std::set<std::string> refused;   ///< of which points and robots

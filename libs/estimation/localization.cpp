@@ -35,6 +35,7 @@ void moveTo(FleetState& fleet, RobotFrame& frame, const Relocalizer::Found& foun
   fleet.place(robot, *frame.objects, found.map_from_base);
   fleet.graph.addFactor(absolutePoseFactor(found.map_from_base, found.covariance),
                         {robot.window.back().pose});
+  robot.window.back().by_search = true;
   robot.scan_aid = std::move(aid);
   robot.scan_aid.anchor = ScanAid::Anchor{found.keyframe, fleet.keyframes.pose(found.keyframe),
                                           found.keyframe_from_base, found.covariance, true};

@@ -94,19 +94,26 @@ bool plausible(FleetState& fleet, const Measurement& m, RobotNode& robot, const 
   return false;
 }
 
+Source sourceOf(const FleetState& fleet, const Measurement& m) {
+  if (m.kind == MeasurementKind::kAbsolutePose || m.kind == MeasurementKind::kPosition)
+    return Source::kAbsolute;
+  return fleet.find(m.to) != nullptr ? Source::kSightings : Source::kLandmarks;
+}
+
 }  // namespace
 
 void MeasurementQueue::attach(FleetState& fleet, TimeNs time, const std::vector<const Objects*>& frames) {
   std::deque<Measurement> still;
   for (const Measurement& measurement : waiting_) {
     const Outcome outcome = attachOne(fleet, measurement, frames);
+    const Source source = sourceOf(fleet, measurement);
     if (outcome == Outcome::kDone) {
-      const bool absolute = measurement.kind == MeasurementKind::kAbsolutePose ||
-                            measurement.kind == MeasurementKind::kPosition;
-      if (RobotNode* robot = fleet.find(measurement.to); robot != nullptr && absolute)
-        robot->absolute_aid.accepted = true;
       for (const std::string* name : {&measurement.from, &measurement.to}) {
-        if (RobotNode* robot = fleet.find(*name)) robot->track_aid.unobserved = 0;
+        RobotNode* robot = fleet.find(*name);
+        if (robot == nullptr) continue;
+        robot->track_aid.unobserved = 0;
+        robot->absolute_aid.used.add(source);
+        if (source == Source::kAbsolute) robot->absolute_aid.accepted = true;
       }
       continue;
     }
@@ -116,7 +123,9 @@ void MeasurementQueue::attach(FleetState& fleet, TimeNs time, const std::vector<
       continue;
     }
     RobotNode* robot = fleet.find(measurement.from.empty() ? measurement.to : measurement.from);
-    if (robot != nullptr) ++robot->status.rejected_measurements;
+    if (robot == nullptr) continue;
+    ++robot->status.rejected_measurements;
+    if (outcome == Outcome::kRejected) robot->absolute_aid.rejected.add(source);
   }
   waiting_.swap(still);
 }

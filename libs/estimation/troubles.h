@@ -18,6 +18,7 @@ struct RobotFrame {
   bool placed_anew = false;     ///< relocalized by its observations, after a kidnapping
   bool slipped = false;         ///< its wheels disagree with what is seen
   bool floor_rejected = false;  ///< everything else contradicts its motion by the floor
+  SourceSet rejected = {};      ///< landmarks or robots whose views have been rejected
   bool unfamiliar = false;      ///< of what it sees little is known, and what is known is not seen
   bool settled = false;         ///< it is where its motion has put it, or has been put elsewhere
   bool after_gap = false;       ///< no frame came for much longer than usual: a kidnapping is possible

@@ -32,6 +32,13 @@ void addEvent(const dataset::StampedLocalization& row, std::map<PoseEvent, Event
   event.largest_sigmas = std::max(event.largest_sigmas, row.correction_sigmas);
 }
 
+void addSources(const dataset::StampedLocalization& row, std::map<Source, SourceMetrics>& sources) {
+  for (const Source source : kSources) {
+    if (row.used.has(source)) sources[source].used += 1.0;
+    if (row.rejected.has(source)) sources[source].rejected += 1.0;
+  }
+}
+
 }  // namespace
 
 LocalizationMetrics compareLocalization(const std::vector<dataset::StampedLocalization>& rows,
@@ -47,6 +54,7 @@ LocalizationMetrics compareLocalization(const std::vector<dataset::StampedLocali
     if (!times.insert(row.time_ns).second) continue;
     ++result.states[row.state].frames;
     addEvent(row, result.events);
+    addSources(row, result.sources);
     const auto pose = pose_at.find(row.time_ns);
     Pose2 true_pose;
     if (pose == pose_at.end() || !poseAt(truth, row.time_ns, max_gap_ns, true_pose)) continue;
@@ -55,6 +63,10 @@ LocalizationMetrics compareLocalization(const std::vector<dataset::StampedLocali
     of_state.heading_rad.push_back(std::abs(wrapAngle(pose->second.theta_rad - true_pose.theta_rad)));
   }
   const int with_state = static_cast<int>(times.size());
+  for (auto& [source, metrics] : result.sources) {
+    metrics.used /= with_state;
+    metrics.rejected /= with_state;
+  }
   result.frames = std::max(frames, with_state);
   result.without_state = result.frames - with_state;
   for (const LocalizationState state : dataset::kLocalizationStates) {

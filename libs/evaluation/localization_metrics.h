@@ -22,11 +22,17 @@ struct EventMetrics {
   double largest_sigmas = 0.0;  ///< largest correction, σ of the prediction
 };
 
+/// Shares of the rows in which a source was used, or rejected.
+struct SourceMetrics {
+  double used = 0.0, rejected = 0.0;
+};
+
 struct LocalizationMetrics {
   int frames = 0;         ///< number of frames to which the shares refer
   int without_state = 0;  ///< frames of the recording without a row, e.g. before a restart of the merger
   std::map<LocalizationState, StateMetrics> states;  ///< all states, also those without frames
   std::map<PoseEvent, EventMetrics> events;          ///< kinds that occurred; never kNone
+  std::map<Source, SourceMetrics> sources;           ///< those that were used or rejected at all
 };
 
 /// Groups the errors of a path by the localization state of each frame. Rows and poses are matched by equal

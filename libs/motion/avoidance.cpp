@@ -78,8 +78,7 @@ void surroundingsFrom(const Objects& objects, double own_radius_m, double robot_
   const Scan& scan = objects.scan;
   const double step_rad = scan.range_m.empty() ? 0.0 : 2.0 * M_PI / static_cast<double>(scan.range_m.size());
   for (std::size_t i = 0; i < scan.range_m.size(); ++i) {
-    const bool solid = scan.label[i] == RayLabel::kObstacle || scan.label[i] == RayLabel::kUnknown;
-    if (!solid || !std::isfinite(scan.range_m[i])) continue;
+    if (!isSolid(scan.label[i]) || !std::isfinite(scan.range_m[i])) continue;
     around.points_m.push_back(scan.origin_m + scan.range_m[i] * direction(step_rad * static_cast<double>(i)));
   }
   for (const Track& track : objects.tracks) {

@@ -12,10 +12,6 @@ namespace {
 constexpr int kHit = 2, kOccupied = 3, kMost = 8;
 constexpr double kFarCells = 1e8;
 
-bool isSolid(RayLabel label) {
-  return label == RayLabel::kObstacle || label == RayLabel::kUnknown;
-}
-
 }  // namespace
 
 FloorMemory::Options FloorMemory::Options::read(const options::Section& section) {

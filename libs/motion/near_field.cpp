@@ -38,7 +38,7 @@ void NearField::see(const Scan& scan) {
   if (edge_m <= 0.0) return;
   const double step_rad = 2.0 * M_PI / static_cast<double>(std::max<std::size_t>(1, scan.range_m.size()));
   for (std::size_t i = 0; i < scan.range_m.size(); ++i) {
-    const bool solid = scan.label[i] == RayLabel::kObstacle || scan.label[i] == RayLabel::kUnknown;
+    const bool solid = isSolid(scan.label[i]);
     const double range_m = scan.range_m[i], bearing_rad = step_rad * static_cast<double>(i);
     if (!solid || !(range_m >= edge_m && range_m < edge_m + kReachM)) continue;
     seen_m_.push_back(scan.origin_m +

@@ -36,8 +36,7 @@ struct Seen {
 Seen seenBy(const Scan& scan, std::size_t i, double sigma_limit_m) {
   const double range_m = scan.range_m[i];
   if (scan.label[i] == RayLabel::kInvalid || !std::isfinite(range_m) || range_m < 0.0) return {};
-  const bool solid = scan.label[i] == RayLabel::kObstacle || scan.label[i] == RayLabel::kUnknown;
-  if (!solid) return {View::kFree, range_m};
+  if (!isSolid(scan.label[i])) return {View::kFree, range_m};
   if (range_m <= scan.blind_m + kEdgeM) return {View::kSolidNear, range_m};
   const double sigma_m = i < scan.sigma_m.size() ? scan.sigma_m[i] : 0.0;
   if (sigma_m > sigma_limit_m) return {View::kFree, std::max(0.0, range_m - kSurelyBefore * sigma_m)};

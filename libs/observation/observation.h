@@ -13,6 +13,7 @@
 #include "geometry/pose2.h"
 #include "observation/appearance.h"
 #include "observation/boundary.h"
+#include "observation/sources.h"
 #include "observation/support_function.h"
 
 namespace omnifleet {
@@ -102,9 +103,14 @@ enum class RayLabel : std::uint8_t {
   kFloorEnd = 1,  ///< floor seen up to the range, nothing hit
   kObstacle = 2,
   kRobot = 3,
-  kUnknown = 4,   ///< an object of undecided kind
-  kUndecided = 5  ///< floor seen up to the range; beyond it, floor or an object that resembles it
+  kUnknown = 4,    ///< an object of undecided kind
+  kUndecided = 5,  ///< floor seen up to the range; beyond it, floor or an object that resembles it
+  kBeyond = 6      ///< the floor ends at the range; nearer, something low or flat hides a part of it
 };
+/// Whether something stands at the end of a ray, other than a robot of the fleet.
+constexpr bool isSolid(RayLabel label) {
+  return label == RayLabel::kObstacle || label == RayLabel::kUnknown || label == RayLabel::kBeyond;
+}
 
 /// Range per bearing from the foot of the camera, in base_link: bearing_i = 2πi/N.
 struct Scan {
@@ -205,6 +211,8 @@ struct PoseEstimate {
   LocalizationState state = LocalizationState::kUnlocated;
   PoseEvent event = PoseEvent::kNone;
   double correction_sigmas = 0.0;  ///< size of the correction of an event, in σ of the prediction
+  SourceSet used;                  ///< what the pose rests on, at this frame
+  SourceSet rejected;              ///< what has measured something that contradicts the rest
   /// Frame of map_from_base. Empty: `map`. Else the robot's own frame, named after the robot.
   std::string frame;
   Pose2 map_from_base;

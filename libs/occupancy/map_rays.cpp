@@ -8,7 +8,7 @@ namespace omnifleet::occupancy {
 namespace {
 
 bool isHit(RayLabel label) {
-  return label == RayLabel::kObstacle || label == RayLabel::kRobot || label == RayLabel::kUnknown;
+  return isSolid(label) || label == RayLabel::kRobot;
 }
 
 }  // namespace

@@ -12,11 +12,12 @@ PointDmm scanOrigin(const Contribution& contribution, const IntegerPose& at) {
 RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role, const RayLimits& limits,
                    const RayCuts& cuts) {
   const std::int64_t range = contribution.range_dmm[i], max_range = limits.max_range;
+  const bool only_end = role == RayRole::kHitOnly || role == RayRole::kHitBeyond;
   if (const std::int64_t cut = rangeOf(contribution, i, cuts); cut < range) {
     const std::int64_t end = std::min(cut, max_range);
-    return {end, role == RayRole::kHitOnly ? end : 0, RayRole::kOpen};
+    return {end, only_end ? end : 0, RayRole::kOpen};
   }
-  if (range > max_range && role == RayRole::kHitOnly) return {max_range, max_range, RayRole::kOpen};
+  if (range > max_range && only_end) return {max_range, max_range, RayRole::kOpen};
   if (role == RayRole::kFree) return {std::min(range, max_range), 0, role};
   const std::int64_t sigma = i < contribution.sigma_dmm.size() ? contribution.sigma_dmm[i] : 0;
   if (range > max_range) {
@@ -25,7 +26,9 @@ RayExtent extentOf(const Contribution& contribution, std::size_t i, RayRole role
     return {max_range, std::min(max_range - floor_end, max_range), RayRole::kOpen};
   }
   const bool is_vague = role != RayRole::kOpen && 1000 * sigma > limits.hit_permille * limits.resolution;
-  if (role == RayRole::kHitOnly) return {range, range, is_vague ? RayRole::kOpen : RayRole::kHit};
+  if (only_end)
+    return {range, range, is_vague ? RayRole::kOpen : RayRole::kHit,
+            !is_vague && role == RayRole::kHitBeyond};
   return {range, std::min(sigma * limits.free_permille / 1000, range), is_vague ? RayRole::kOpen : role};
 }
 

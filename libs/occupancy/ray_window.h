@@ -13,8 +13,9 @@ namespace omnifleet::occupancy {
 
 /// Effect of a ray on the cells. kNone: none. kFree: free up to and including its end. kHit: free up to
 /// `free_sigmas` σ before its end, which is hit. kOpen: free up to but excluding the cell there. kHitOnly:
-/// its end is hit, the cells before are not free.
-enum class RayRole : std::uint8_t { kNone, kFree, kHit, kOpen, kHitOnly };
+/// its end is hit, the cells before are not free. kHitBeyond: likewise, and floor was seen right before its
+/// end.
+enum class RayRole : std::uint8_t { kNone, kFree, kHit, kOpen, kHitOnly, kHitBeyond };
 
 /// Lengths in 0.1 mm.
 struct RayLimits {
@@ -28,6 +29,7 @@ RayLimits rayLimitsOf(const OccupancyOptions& options);
 struct RayExtent {
   std::int64_t range, free;
   RayRole role;
+  bool at_floor = false;  ///< of a hit: floor was seen right before it, though not all the way
 };
 /// Per ray, the range at which it enters the footprint of another robot, in 0.1 mm; 0: it crosses none.
 /// Empty: none does. Nothing is known of what lies beyond.

@@ -67,6 +67,7 @@ struct Known {
 RayRole roleOf(RayLabel label, const Known& known, bool unknown_is_hit) {
   if (label == RayLabel::kFloorEnd) return RayRole::kFree;
   if (label == RayLabel::kUndecided) return RayRole::kOpen;
+  if (label == RayLabel::kBeyond) return RayRole::kHitBeyond;
   if (label == RayLabel::kUnknown && !known.is_tracked) return RayRole::kHitOnly;
   if (known.sighted || label == RayLabel::kRobot || known.kind == ObjectKind::kRobot) return RayRole::kNone;
   if (known.is_floor_marking) return RayRole::kOpen;
@@ -86,8 +87,7 @@ std::vector<RayRole> rolesOf(const Contribution& contribution, const std::vector
   Known known;
   for (std::size_t i = 0; i < count; ++i) {
     const RayLabel label = contribution.label[i];
-    if (contribution.range_dmm[i] <= 0 || label == RayLabel::kInvalid || label > RayLabel::kUndecided)
-      continue;
+    if (contribution.range_dmm[i] <= 0 || label == RayLabel::kInvalid || label > RayLabel::kBeyond) continue;
     const std::uint16_t track = i < contribution.object.size() ? contribution.object[i] : std::uint16_t{0};
     if (track != last) {
       last = track;

@@ -244,7 +244,8 @@ void Canvas::drawRay(const PointDmm& from, const Direction& along, const RayExte
     const auto at = static_cast<std::size_t>(y * width_ + x);
     std::uint8_t& mark = marks_[at];
     if ((mark & kSolid) != 0) {
-      if (is_hit && since_free < 2 && std::abs(x - end_x) <= 1 && std::abs(y - end_y) <= 1) {
+      if (is_hit && (ray.at_floor || since_free < 2) && std::abs(x - end_x) <= 1 &&
+          std::abs(y - end_y) <= 1) {
         mark |= kReached;
         addEnd(at, end, sigma);
       }
@@ -305,15 +306,26 @@ SurfaceMap Canvas::result(double resolution_m) const {
   return map;
 }
 
-/// Keyframes that are drawn: of each robot the latest three per square of four cells (0.2 m).
+/// Sector of the heading in which a scan looks, if it sees less than half of its surroundings: a forward
+/// camera that turns in place sees something else in each. Of other scans 0.
+std::uint32_t sectorOf(const Applied& what) {
+  constexpr unsigned kBits = 4;  // sectors of 22.5°, a quarter of what a camera of 90° sees
+  const std::vector<RayLabel>& labels = what.contribution->label;
+  const auto unseen = std::count(labels.begin(), labels.end(), RayLabel::kInvalid);
+  if (2 * static_cast<std::size_t>(unseen) <= labels.size()) return 0;
+  return 1 + (turnFromDmrad(what.at.theta_dmrad) >> (32U - kBits));
+}
+
+/// Keyframes that are drawn: of each robot the latest three per square of four cells (0.2 m), and per sector
+/// of the heading where the scan looks one way only.
 std::vector<const AppliedSet::value_type*> chosen(const AppliedSet& applied, std::int64_t resolution) {
   constexpr int kPerSquare = 3, kCells = 4;
-  std::map<std::tuple<std::string, std::int64_t, std::int64_t>, int> taken;
+  std::map<std::tuple<std::string, std::int64_t, std::int64_t, std::uint32_t>, int> taken;
   std::vector<const AppliedSet::value_type*> some;
   for (auto entry = applied.rbegin(); entry != applied.rend(); ++entry) {
     const PointDmm origin = scanOrigin(*entry->second.contribution, entry->second.at);
     int& count = taken[{entry->first.first, floorDivide(origin.x_dmm, kCells * resolution),
-                        floorDivide(origin.y_dmm, kCells * resolution)}];
+                        floorDivide(origin.y_dmm, kCells * resolution), sectorOf(entry->second)}];
     if (count++ < kPerSquare) some.push_back(&*entry);
   }
   return some;

@@ -14,9 +14,10 @@ namespace omnifleet::occupancy {
 /// `least_gap_m` between occupied cells hide the floor behind them: surfaces are seen through them, floor is
 /// not.
 ///
-/// Rays of up to three keyframes of each robot are used per square of four cells, the latest ones. A function
-/// of the counts and of the applied contributions.
-/// The result also has, for each occupied cell, the weighted mean of the ray ends in it.
+/// Rays of up to three keyframes of each robot are used per square of four cells, the latest ones; of scans
+/// that look one way only (forward cameras) three per sector of 22.5° of the heading. A function of the
+/// counts and of the applied contributions. The result also has, for each occupied cell, the weighted mean of
+/// the ray ends in it.
 structure::SurfaceMap visibleMap(const CellCounts& counts, const AppliedSet& applied,
                                  const OccupancyOptions& options);
 

@@ -56,7 +56,7 @@ bool VoxelCounts::seesThrough(const Observer& observer, const VoxelKey& key) con
   const std::size_t before = bearings_.before(in_base);
   for (const std::size_t i : {before, (before + 1) % rays}) {
     if (what.roles[i] == RayRole::kNone || what.roles[i] == RayRole::kHitOnly ||
-        rangeOf(*what.contribution, i, what.cuts) <= hidden)
+        what.roles[i] == RayRole::kHitBeyond || rangeOf(*what.contribution, i, what.cuts) <= hidden)
       return false;
   }
   return true;

@@ -89,7 +89,7 @@ bool fromWire(const v1::Scan& from, Scan& to) {
   to.object = from.object();
   to.label.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
-    if (!enumFromWire(from.label()[i], RayLabel::kUndecided, to.label[i])) return false;
+    if (!enumFromWire(from.label()[i], RayLabel::kBeyond, to.label[i])) return false;
     if (to.label[i] != RayLabel::kInvalid && !finite(to.range_m[i], to.sigma_m[i])) return false;
   }
   return to.origin_m.allFinite() && finite(to.blind_m);

@@ -21,6 +21,8 @@ void toWire(const PoseEstimate& from, RunClock clock, std::uint32_t term, v1::Po
   to.state(static_cast<v1::LocalizationState>(from.state));
   to.event(static_cast<v1::PoseEvent>(from.event));
   to.correction_sigmas(from.correction_sigmas);
+  to.sources_used(from.used.bits);
+  to.sources_rejected(from.rejected.bits);
 }
 
 bool fromWire(const v1::Pose& from, PoseEstimate& to) {
@@ -38,7 +40,10 @@ bool fromWire(const v1::Pose& from, PoseEstimate& to) {
   }
   to.camera_error = Eigen::Map<const Eigen::Vector4d>(from.camera_error().data());
   to.correction_sigmas = from.correction_sigmas();
-  const bool known = enumFromWire(from.state(), LocalizationState::kRelocalized, to.state) &&
+  to.used.bits = from.sources_used();
+  to.rejected.bits = from.sources_rejected();
+  const bool known = to.used.isKnown() && to.rejected.isKnown() &&
+                     enumFromWire(from.state(), LocalizationState::kRelocalized, to.state) &&
                      enumFromWire(from.event(), PoseEvent::kGap, to.event);
   if (known && finite(to.correction_sigmas) && to.map_from_base.isFinite() && to.covariance.allFinite() &&
       to.camera_error.allFinite())
@@ -47,6 +52,7 @@ bool fromWire(const v1::Pose& from, PoseEstimate& to) {
   to.state = LocalizationState::kUnlocated;
   to.event = PoseEvent::kNone;
   to.correction_sigmas = 0.0;
+  to.used = to.rejected = {};
   to.camera_error.setZero();
   to.map_from_base = Pose2();
   to.covariance.setIdentity();

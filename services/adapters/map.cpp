@@ -75,7 +75,7 @@ bool fromWire(const v1::Contribution& from, occupancy::Contribution& to) {
   bool good = to.label.size() == to.range_dmm.size() && to.object.size() == to.range_dmm.size() &&
               (to.sigma_dmm.empty() || to.sigma_dmm.size() == to.range_dmm.size());
   for (std::size_t i = 0; i < to.label.size(); ++i) {
-    good = enumFromWire(from.label()[i], RayLabel::kUndecided, to.label[i]) && good;
+    good = enumFromWire(from.label()[i], RayLabel::kBeyond, to.label[i]) && good;
   }
   to.views.resize(from.views().size());
   for (std::size_t i = 0; i < to.views.size(); ++i) good = viewFromWire(from.views()[i], to.views[i]) && good;

@@ -152,7 +152,8 @@ void Classifier::labelScan(const LocalMap& local_map) {
     const std::uint16_t label = scan.object[i];
     scan.object[i] = 0;
     const bool shows_nothing = scan.label[i] == RayLabel::kInvalid || scan.label[i] == RayLabel::kFloorEnd;
-    if (shows_nothing || scan.label[i] == RayLabel::kUndecided) continue;
+    if (shows_nothing || scan.label[i] == RayLabel::kUndecided || scan.label[i] == RayLabel::kBeyond)
+      continue;
     if (scan.label[i] == RayLabel::kObstacle && label == 0)
       continue;  // a wall that the laser mapper has labelled
     scan.label[i] = RayLabel::kUnknown;

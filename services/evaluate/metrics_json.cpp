@@ -74,7 +74,14 @@ Json localizationJson(const evaluation::LocalizationMetrics& m) {
   }
   for (const auto& [kind, event] : m.events)
     events[toString(kind)] = {{"count", event.count}, {"largest_correction_sigmas", event.largest_sigmas}};
-  return {{"frames", m.frames}, {"without_state", m.without_state}, {"states", states}, {"events", events}};
+  Json sources = Json::object();
+  for (const auto& [source, s] : m.sources)
+    sources[toString(source)] = {{"used", s.used}, {"rejected", s.rejected}};
+  return {{"frames", m.frames},
+          {"without_state", m.without_state},
+          {"states", states},
+          {"events", events},
+          {"sources", sources}};
 }
 
 Json mapJson(const Report& report) {

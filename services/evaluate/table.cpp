@@ -153,6 +153,21 @@ std::string stateTable(const Report& report) {
   return text.empty() ? "" : "States      share of the frames (mean / max error of their poses)\n" + text;
 }
 
+/// Empty if no row of the run names a source, as those of older versions.
+std::string sourceTable(const Report& report) {
+  std::string text;
+  for (const RobotReport& r : report.robots) {
+    if (!r.localization || r.localization->sources.empty()) continue;
+    std::string sources;
+    for (const auto& [source, m] : r.localization->sources) {
+      sources += fmt::format("{}{} {:.1f} %", sources.empty() ? "" : ", ", toString(source), 100.0 * m.used);
+      if (m.rejected > 0.0) sources += fmt::format(" (rejected {:.1f} %)", 100.0 * m.rejected);
+    }
+    text += fmt::format("  {:<10} {}\n", r.name, sources);
+  }
+  return text.empty() ? "" : "Sources     share of the frames whose poses rest on them\n" + text;
+}
+
 std::string consistencyTable(const Report& report) {
   const auto rows = consistencies(report);
   if (rows.empty()) return {};
@@ -244,7 +259,8 @@ std::string table(const Report& report) {
                         moved.x_m, moved.y_m, kDegrees * moved.theta_rad);
   }
   text += frameTable(report);
-  if (!report.robots.empty()) text += pathTable(report) + stateTable(report) + consistencyTable(report);
+  if (!report.robots.empty())
+    text += pathTable(report) + stateTable(report) + sourceTable(report) + consistencyTable(report);
   if (report.kinds) text += kindTable(*report.kinds);
   for (const std::string& warning : report.warnings) text += "warning: " + warning + "\n";
   return text;

@@ -18,10 +18,6 @@ constexpr double kUnknownM = 0.25;  // m beyond the body, farther than it needs 
 constexpr double kRayStepM = 0.01;
 constexpr double kStoppedRad = 1e-3;
 
-bool isSolid(RayLabel label) {
-  return label == RayLabel::kObstacle || label == RayLabel::kUnknown;
-}
-
 double towards(double from, double to, double most) {
   return from + std::clamp(to - from, -most, most);
 }

@@ -31,7 +31,7 @@ Ray rayAlong(const occupancy::Contribution& contribution, const Pose2& map_from_
   return {contribution.label[k] != RayLabel::kInvalid,
           contribution.range_dmm[k] / occupancy::kDmmPerMetre - to.norm(),
           k < contribution.object.size() && contribution.object[k] != 0,
-          contribution.label[k] != RayLabel::kUnknown ||
+          (contribution.label[k] != RayLabel::kUnknown && contribution.label[k] != RayLabel::kBeyond) ||
               (k < contribution.object.size() && contribution.object[k] != 0)};
 }
 

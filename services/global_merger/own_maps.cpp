@@ -37,6 +37,8 @@ void OwnMaps::begin(const std::string& robot, const Merger& common) {
     without_pose.state = row.state;
     without_pose.event = row.event;
     without_pose.correction_sigmas = row.correction_sigmas;
+    without_pose.used = row.used;
+    without_pose.rejected = row.rejected;
     own.addTrajectory(without_pose);
   }
 }

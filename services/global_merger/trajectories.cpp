@@ -29,8 +29,8 @@ Eigen::Matrix3d covarianceOf(const occupancy::KeyframePose& pose) {
 void Trajectories::add(const PoseEstimate& pose, const std::string& frame) {
   auto& states = states_[pose.robot];
   if (const auto place = freePlace(states, pose.acquired_ns))
-    states.insert(states.begin() + *place,
-                  {pose.acquired_ns, pose.state, pose.event, pose.correction_sigmas});
+    states.insert(states.begin() + *place, {pose.acquired_ns, pose.state, pose.event, pose.correction_sigmas,
+                                            pose.used, pose.rejected});
   if (!pose.valid || !pose.map_from_base.isFinite()) return;
   const auto [found, is_first] = samples_.try_emplace(pose.robot);
   Samples& samples = found->second;

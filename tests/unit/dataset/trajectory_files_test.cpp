@@ -53,8 +53,12 @@ TEST(Localization, ReadsWhatItWrites) {
   std::vector<StampedLocalization> rows;
   for (const LocalizationState state : kLocalizationStates)
     for (const PoseEvent event : kPoseEvents)
-      rows.push_back({1'500'000'000'123'456'789 + static_cast<TimeNs>(rows.size()), state, event,
-                      event == PoseEvent::kNone ? 0.0 : 4.25 + static_cast<double>(rows.size())});
+      rows.push_back({1'500'000'000'123'456'789 + static_cast<TimeNs>(rows.size()),
+                      state,
+                      event,
+                      event == PoseEvent::kNone ? 0.0 : 4.25 + static_cast<double>(rows.size()),
+                      {static_cast<std::uint16_t>(37 * rows.size() % 256)},
+                      {static_cast<std::uint16_t>(91 * rows.size() % 256)}});
   writeLocalization(folder / "r1.csv", rows);
   std::vector<std::string> warnings;
   const auto back = readLocalization(folder / "r1.csv", &warnings);
@@ -65,27 +69,37 @@ TEST(Localization, ReadsWhatItWrites) {
     EXPECT_EQ(back[i].state, rows[i].state);
     EXPECT_EQ(back[i].event, rows[i].event);
     EXPECT_EQ(back[i].correction_sigmas, rows[i].correction_sigmas);
+    EXPECT_EQ(back[i].used, rows[i].used);
+    EXPECT_EQ(back[i].rejected, rows[i].rejected);
   }
 }
 
 TEST(Localization, WritesNamesAndHeader) {
   const test::TempFolder folder;
-  writeLocalization(folder / "r1.csv", {{7, LocalizationState::kOdometryOnly, PoseEvent::kNone, 0.0},
-                                        {8, LocalizationState::kLocalized, PoseEvent::kLoopClosed, 12.5}});
-  EXPECT_EQ(readFile(folder / "r1.csv"),
-            "#timestamp [ns],state,event,correction [sigma]\n7,odometry_only,none,0\n"
-            "8,localized,loop_closed,12.5\n");
+  SourceSet wheels, wheels_and_scan;
+  wheels.add(Source::kWheels);
+  wheels_and_scan = wheels;
+  wheels_and_scan.add(Source::kScan);
+  writeLocalization(folder / "r1.csv",
+                    {{7, LocalizationState::kOdometryOnly, PoseEvent::kNone, 0.0, {}, wheels},
+                     {8, LocalizationState::kLocalized, PoseEvent::kLoopClosed, 12.5, wheels_and_scan, {}}});
+  EXPECT_EQ(
+      readFile(folder / "r1.csv"),
+      "#timestamp [ns],state,event,correction [sigma],used,rejected\n7,odometry_only,none,0,none,wheels\n"
+      "8,localized,loop_closed,12.5,wheels+scan,none\n");
 }
 
 TEST(Localization, ListsDamagedRowsAndRejectsUnusableFiles) {
   const test::TempFolder folder;
   writeAtomic(folder / "damaged.csv",
               "#t\n1,lost,none,0\nx,lost,none,0\n2,gone,none,0\n3,lost,crash,0\n4,lost,none,-1\n"
-              "5,lost,none,nan\n6,lost,none\n7,lost,none,2e9\n8,lost,none,0,0\n 9 , lost , none , 0 \r\n");
+              "5,lost,none,nan\n6,lost,none\n7,lost,none,2e9\n8,lost,none,0,0\n 9 , lost , none , 0 \r\n"
+              "10,lost,none,0,scan+radar,none\n11,lost,none,0,scan,+\n12,lost,none,0,scan,none\n");
   std::vector<std::string> warnings;
   const auto rows = readLocalization(folder / "damaged.csv", &warnings);
-  ASSERT_EQ(rows.size(), 2u);
-  EXPECT_EQ(rows[1].time_ns, 9);
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_EQ(rows[1].time_ns, 9) << "without sources, as older versions wrote them";
+  EXPECT_EQ(rows[2].time_ns, 12);
   EXPECT_THAT(
       warnings,
       ::testing::ElementsAre(
@@ -95,9 +109,11 @@ TEST(Localization, ListsDamagedRowsAndRejectsUnusableFiles) {
           HasSubstr("damaged.csv:5: the event must be one of none, relocalized, loop_closed, absolute, "
                     "corrected"),
           HasSubstr("damaged.csv:6: the correction must be between 0 and 1e+09 sigma"),
-          HasSubstr("damaged.csv:7: the correction"), HasSubstr("damaged.csv:8: expected 4 values"),
-          HasSubstr("damaged.csv:9: the correction"), HasSubstr("damaged.csv:10: expected 4 values")));
-  EXPECT_EQ(readLocalization(folder / "damaged.csv").size(), 2u) << "warnings are optional";
+          HasSubstr("damaged.csv:7: the correction"), HasSubstr("damaged.csv:8: expected 6 values"),
+          HasSubstr("damaged.csv:9: the correction"), HasSubstr("damaged.csv:10: expected 6 values"),
+          HasSubstr("damaged.csv:12: the source must be one of wheels, floor, appearance, scan"),
+          HasSubstr("damaged.csv:13: the source must be one of")));
+  EXPECT_EQ(readLocalization(folder / "damaged.csv").size(), 3u) << "warnings are optional";
   writeAtomic(folder / "unusable.csv", "1,lost\n");
   EXPECT_THROW(readLocalization(folder / "unusable.csv"), std::runtime_error);
   EXPECT_THROW(readLocalization(folder / "none.csv"), std::runtime_error);

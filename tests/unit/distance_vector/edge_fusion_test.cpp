@@ -69,6 +69,21 @@ TEST(EdgeFusion, TakesTheEdgeInHueBehindTheOneOfAWideShadow) {
   for (std::size_t u = 0; u < edges.size(); ++u) EXPECT_EQ(edges[u].row, pairs[u].hue->row) << u;
 }
 
+// A wall as bright as the floor: edges in luma lie on texture.
+TEST(EdgeFusion, TakesTheEdgeInHueWhereThatInLumaScatters) {
+  EdgeFusion fusion(12, 2.0f, 0.15f);
+  auto pairs = boundary(0.0f, 6);
+  std::mt19937 random(7);
+  std::uniform_real_distribution<float> texture(-2.5f, 2.5f);
+  for (auto& pair : pairs) pair.luma->row += texture(random);
+  EXPECT_LT(rmsOf(fusion, pairs), 1.2f * kHue_px);
+  for (const EdgeFusion::Edge& edge : fusion.fuse(pairs))
+    EXPECT_GE(edge.sigma_px, 0.99f * std::hypot(kHue_px, 0.15f));
+  for (auto& pair : pairs) pair.weak = true;
+  EXPECT_GT(rmsOf(fusion, pairs), 2.0f * kHue_px)
+      << "the columns of weak edges are noisy in hue: lines replace them later";
+}
+
 TEST(EdgeFusion, UsesTheOnlyEdgeThatThereIs) {
   EdgeFusion fusion(12, 2.0f, 0.0f);
   std::vector<EdgeFusion::Pair> pairs(3);

@@ -57,6 +57,25 @@ TEST_F(DistanceVectorFault, ClaimsNothingInFrontOfAWall) {
   EXPECT_EQ(claims(vector_), 0);
 }
 
+// No pixel of the wall differs from the floor by itself, and no earlier image has shown the floor.
+TEST_F(DistanceVectorFault, FindsAWallOfNearlyTheFloorsColourInItsFirstImage) {
+  World world = wallAt(0.5);
+  world.blocks[0].bgr = {128, 128, 128};  // the floor: 118, 122, 126
+  vector_.process(caster_.render(world, {}));
+  ASSERT_EQ(vector_.fault(), Fault::kNone);
+  const Boundary& boundary = vector_.boundary();
+  int found = 0, right = 0;
+  for (std::size_t i = 0; i < boundary.sigma.size(); ++i) {
+    if (!(boundary.sigma[i] > 0.0f)) continue;
+    const double bearing = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(boundary.sigma.size());
+    const auto truth = caster_.truth(world, {}, bearing);
+    ++found;
+    right += truth && std::abs(1.0 / boundary.inverse_m[i] - *truth) < 0.03 ? 1 : 0;
+  }
+  EXPECT_GT(found, 120) << "of some 180 bearings";
+  EXPECT_GT(right, 0.85 * found);
+}
+
 TEST_F(DistanceVectorFault, ReportsTooNearWhereItHasSeenTheFloorBefore) {
   vector_.process(caster_.render(wallAt(0.5), {}));
   ASSERT_EQ(vector_.fault(), Fault::kNone);

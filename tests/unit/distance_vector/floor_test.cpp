@@ -62,7 +62,7 @@ TEST_F(DistanceVectorFloor, IsUndecidedAtACardFromNear) {
 TEST_F(DistanceVectorFloor, SeesAWallBehindACard) {
   world_.spots.push_back({{0.4, 0.0}, 0.08, {0.5f, 0.8f, 1.3f}});
   EXPECT_NEAR(middleEdge(), foot(), 0.5);
-  EXPECT_EQ(vector_.scan().label[0], RayLabel::kUnknown) << "a hit that shows no floor";
+  EXPECT_EQ(vector_.scan().label[0], RayLabel::kBeyond);
 }
 
 // From afar, the floor behind it shows that it is lower than 1 cm.
@@ -71,7 +71,7 @@ TEST_F(DistanceVectorFloor, SeesAWallBehindACardAndItsOwnShadow) {
   world_.spots.push_back({{0.4, 0.0}, 0.08, {0.5f, 0.8f, 1.3f}});
   world_.spots.push_back({{0.75, 0.0}, 0.27, {0.6f, 0.6f, 0.6f}});
   EXPECT_NEAR(middleEdge(), foot(), 0.7);
-  EXPECT_EQ(vector_.scan().label[0], RayLabel::kUnknown);
+  EXPECT_EQ(vector_.scan().label[0], RayLabel::kBeyond);
 }
 
 TEST_F(DistanceVectorFloor, CrossesACardFromAfar) {

@@ -316,7 +316,9 @@ TEST(Relocalization, RestoresALostHeadingByRangesAndBearings) {
     for (const Measurement& measurement : measurements) given.push_back(&measurement);
     const auto estimates = estimator.process(simulator.time(f), pointers(frames), given);
     was_lost = was_lost || !estimates[0].valid;
+    EXPECT_FALSE(blind && estimates[0].used.has(Source::kLandmarks)) << f;
     if (f < 45) continue;
+    EXPECT_TRUE(estimates[0].used.has(Source::kLandmarks)) << f;
     EXPECT_TRUE(estimates[0].valid) << f;
     EXPECT_LT((estimates[0].map_from_base.translation() - simulator.truth(0, f).translation()).norm(), 0.05)
         << f;

@@ -103,6 +103,11 @@ TEST(ScanSource, CorrectsDriftOfOdometry) {
   EXPECT_LT(by_scan.worst_m, 0.01);
   EXPECT_LT(by_scan.nees, 6.0);
   EXPECT_EQ(by_scan.count(LocalizationState::kLocalized), path.size());
+  for (std::size_t i = 1; i < path.size(); ++i) {
+    EXPECT_TRUE(by_scan.poses[i].used.has(Source::kScan)) << i;
+    EXPECT_TRUE(by_scan.poses[i].used.has(Source::kWheels)) << i;
+    EXPECT_EQ(by_wheels.poses[i].used.bits, static_cast<std::uint16_t>(Source::kWheels)) << i;
+  }
 }
 
 // A robot with a forward camera. Its ceiling camera fails after 30 frames; then it has odometry only.
@@ -142,7 +147,10 @@ TEST(ScanSource, FiveDarkSecondsGiveOdometryOnlyAndAGrowingCovariance) {
     frame.boundary = {};
   });
   const auto sigma = [&](std::size_t i) { return run.poses[i].covariance.topLeftCorner<2, 2>().trace(); };
-  for (std::size_t i = kFrom; i < kTo; ++i) EXPECT_TRUE(run.poses[i].valid) << i;
+  for (std::size_t i = kFrom; i < kTo; ++i) {
+    EXPECT_TRUE(run.poses[i].valid) << i;
+    EXPECT_EQ(run.poses[i].used.bits, static_cast<std::uint16_t>(Source::kWheels)) << i;
+  }
   EXPECT_EQ(run.poses[kTo - 1].state, LocalizationState::kOdometryOnly);
   EXPECT_GT(sigma(kTo - 1), 1.5 * sigma(kFrom - 1));
   EXPECT_EQ(run.poses[kTo + 3].state, LocalizationState::kLocalized);
@@ -179,6 +187,8 @@ TEST(ScanSource, AbsoluteMeasurementConfirmsAPoseThatTheScanContradicts) {
   };
   const ScanRun alone = runScans(path, {}, other_scan);
   EXPECT_GT(alone.count(LocalizationState::kOdometryOnly), 5U);
+  EXPECT_TRUE(alone.poses[45].rejected.has(Source::kScan));
+  EXPECT_FALSE(alone.poses[45].used.has(Source::kScan));
   const ScanRun measured =
       runScans(path, {}, other_scan, [&](std::size_t i) { return std::optional(path[i]); });
   EXPECT_EQ(measured.count(LocalizationState::kLocalized), path.size());
@@ -223,6 +233,8 @@ TEST(ScanSource, StalledWheelsAreNoKidnappingWhileTheScanMatches) {
   });
   EXPECT_EQ(run.status.losses, 0);
   EXPECT_GT(run.status.slips, 0);
+  EXPECT_TRUE(run.poses[35].rejected.has(Source::kWheels));
+  EXPECT_FALSE(run.poses[25].rejected.has(Source::kWheels));
   EXPECT_LT(run.worst_m, 0.02);
 }
 
@@ -240,6 +252,7 @@ TEST(ScanSource, KidnappedRobotIsRelocalizedAndReported) {
                                   [](const PoseEstimate& p) { return p.event == PoseEvent::kRelocalized; });
   ASSERT_NE(found, run.poses.end());
   EXPECT_GT(found->correction_sigmas, 0.0);
+  EXPECT_TRUE(found->used.has(Source::kScan)) << "the search places it by its scan";
   EXPECT_LT(run.errors_m.back(), 0.03);
   EstimatorOptions no_search;
   no_search.relocalizer.min_matched = 1.0;

@@ -173,6 +173,8 @@ TEST_F(Evaluate, GroupsErrorsByLocalizationState) {
   rows[6].event = rows[8].event = PoseEvent::kLoopClosed;
   rows[6].correction_sigmas = 14.25;
   rows[8].correction_sigmas = 3.5;
+  for (std::size_t i = 0; i < 9; ++i) rows[i].used.add(i < 3 ? Source::kScan : Source::kWheels);
+  rows[4].rejected.add(Source::kScan);
   dataset::writeLocalization(out_ + "/localization/r1.csv", rows);
   const Report report = evaluateRun(out_, recording_);
   ASSERT_TRUE(report.robots[0].localization);
@@ -181,7 +183,10 @@ TEST_F(Evaluate, GroupsErrorsByLocalizationState) {
                         "(2.00 / 2.00 cm, 0.00 / 0.00°), lost 0.0 %, relocalized 10.0 % (2.00 / 2.00 cm, "
                         "0.00 / 0.00°), no pose sample 10.0 %; events: relocalized 1, loop_closed 2, "
                         "largest correction 14.2 σ\n"));
+  EXPECT_THAT(table(report), HasSubstr("  r1         wheels 66.7 %, scan 33.3 % (rejected 11.1 %)\n"));
   const auto json = nlohmann::json::parse(metricsJson(report))["paths"]["r1"]["localization"];
+  EXPECT_EQ(json["sources"].size(), 2u);
+  EXPECT_NEAR(json["sources"]["scan"]["rejected"].get<double>(), 1.0 / 9.0, 1e-12);
   EXPECT_EQ(json["frames"], 10);
   EXPECT_EQ(json["without_state"], 1);
   EXPECT_EQ(json["states"].size(), 5u);

@@ -96,7 +96,7 @@ TEST(RayExtent, IsAHitUpToASigmaOfThreeQuartersOfACell) {
     const SingleRay ray{RayLabel::kObstacle, 10000, sigma_dmm, 0};
     return extentOf(scanWith(ray), 0, role, {kCellDmm, kFarDmm}).role;
   };
-  for (const RayRole role : {RayRole::kHit, RayRole::kHitOnly}) {
+  for (const RayRole role : {RayRole::kHit, RayRole::kHitOnly, RayRole::kHitBeyond}) {
     EXPECT_EQ(roleFor(0, role), RayRole::kHit);
     EXPECT_EQ(roleFor(375, role), RayRole::kHit);
     EXPECT_EQ(roleFor(376, role), RayRole::kOpen);
@@ -115,6 +115,10 @@ TEST(RayExtent, ShowsFloorUpToThreeSigmaBeforeItsEnd) {
   EXPECT_EQ(extent(1500, RayRole::kOpen).free, 1000);
   EXPECT_EQ(extent(120, RayRole::kFree).free, 0);
   EXPECT_EQ(extent(120, RayRole::kHitOnly).free, 1000) << "no floor before its end";
+  EXPECT_EQ(extent(120, RayRole::kHitBeyond).free, 1000) << "not all of it is floor";
+  EXPECT_FALSE(extent(120, RayRole::kHitOnly).at_floor);
+  EXPECT_TRUE(extent(120, RayRole::kHitBeyond).at_floor);
+  EXPECT_FALSE(extent(400, RayRole::kHitBeyond).at_floor) << "no hit";
   Contribution exact = scanWith({RayLabel::kObstacle, 1000, 0, 0});
   exact.sigma_dmm.clear();
   EXPECT_EQ(extentOf(exact, 0, RayRole::kHit, {kCellDmm, kFarDmm}).free, 0);

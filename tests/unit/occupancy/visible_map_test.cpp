@@ -187,6 +187,35 @@ TEST(VisibleMap, ShowsFloorThroughAHoleWiderThanTheLeastGap) {
   EXPECT_EQ(cellsBetween(mapFrom(driveAlong(walls), options), 1.05, 1.8).visible_free, 0);
 }
 
+/// The part of the wall within 0.3 m of x = 0 is seen with another label than the rest.
+Observed seeMiddleAs(RayLabel label) {
+  Observed all = driveAlong({});
+  for (std::size_t k = 0; k < all.contributions.size(); ++k) {
+    Contribution& seen = all.contributions[k];
+    const Pose2 at{-0.55 + 0.1 * static_cast<double>(k), 0.0, 0.3 * static_cast<double>(k)};
+    for (std::size_t i = 0; i < seen.label.size(); ++i) {
+      const double bearing = at.theta_rad + 2.0 * M_PI * static_cast<double>(i) / kRaysPerScan;
+      const double x = at.x_m + 1e-4 * seen.range_dmm[i] * std::cos(bearing);
+      if (seen.label[i] == RayLabel::kObstacle && std::abs(x) < 0.3) seen.label[i] = label;
+    }
+  }
+  return all;
+}
+
+// A card lies before the wall: floor was seen between both, but a low object may stand where the card is.
+TEST(VisibleMap, ShowsAWallBehindSomethingLowWithoutFloorBeforeIt) {
+  const OccupancyMap map = mapFrom(seeMiddleAs(RayLabel::kBeyond));
+  EXPECT_EQ(cellsBetween(map, 1.0, 1.05).visible_occupied, 20);
+  EXPECT_EQ(visibleAt(map.visible(), {0.025, 0.925}), Cell::kUnknown);
+}
+
+// Where the floor ends is not known: the object may begin nearer.
+TEST(VisibleMap, HidesAnObstacleBeforeWhichNoFloorWasSeen) {
+  const OccupancyMap map = mapFrom(seeMiddleAs(RayLabel::kUnknown));
+  EXPECT_EQ(map.at({0.025, 1.025}), CellClass::kOccupied);
+  EXPECT_EQ(visibleAt(map.visible(), {0.025, 1.025}), Cell::kUnknown);
+}
+
 TEST(VisibleMap, FindsTheWallWithinTwoMillimetres) {
   for (const double front_m : {1.02, 1.05}) {  // within a row of cells, and on the border of two
     TwoWalls walls;
@@ -249,6 +278,22 @@ TEST(VisibleMap, UsesTheLatestThreeKeyframesOfOnePlace) {
     ++cells;
   }
   EXPECT_GE(cells, 18);
+}
+
+// It has looked at the wall first, and elsewhere ever since.
+TEST(VisibleMap, KeepsWhatAForwardCameraSawBeforeItTurnedInPlace) {
+  std::mt19937 random(1);
+  OccupancyMap map({}, {});
+  for (int k = 0; k < 9; ++k) {
+    const Pose2 at{0.01, 0.01, k < 3 ? M_PI / 2.0 : -M_PI / 2.0};
+    Contribution seen = observe({}, at, k, random);
+    for (int i = kRaysPerScan / 8; i < kRaysPerScan - kRaysPerScan / 8; ++i)
+      seen.label[static_cast<std::size_t>(i)] = RayLabel::kInvalid;
+    map.add(seen);
+    map.add(standAt(seen, at));
+  }
+  EXPECT_GE(cellsBetween(map, 1.0, 1.05).visible_occupied, 18);
+  EXPECT_GT(cellsBetween(map, 0.6, 1.0).visible_free, 50);
 }
 
 TEST(VisibleMap, MarksTheRobotsThatSawASurface) {

@@ -106,7 +106,7 @@ TEST(Adapters, KeepsUndecidedRaysDownToTheMap) {
   ASSERT_TRUE(fromWire(wire_contribution, contribution));
   EXPECT_EQ(contribution.label.front(), RayLabel::kUndecided);
   EXPECT_EQ(contribution.sigma_dmm, (std::vector<std::uint16_t>{100}));
-  wire.scan().label().front() = 6;
+  wire.scan().label().front() = 7;
   EXPECT_FALSE(fromWire(wire, again)) << "no such label";
 }
 
@@ -123,6 +123,9 @@ TEST(Adapters, PreservesPose) {
   pose.sightings = {{9, "r1"}, {10, "r3"}};
   pose.camera_error = {0.001, -0.002, 0.003, -0.004};
   pose.datum = 2;
+  pose.used.add(Source::kScan);
+  pose.used.add(Source::kInitialPose);
+  pose.rejected.add(Source::kWheels);
   v1::Pose wire;
   toWire(pose, RunClock::kSystem, 3, wire);
   EXPECT_EQ(wire.term(), 3u);
@@ -136,10 +139,18 @@ TEST(Adapters, PreservesPose) {
   EXPECT_EQ(back.covariance, pose.covariance);
   EXPECT_EQ(back.camera_error, pose.camera_error);
   EXPECT_EQ(back.datum, 2u);
+  EXPECT_EQ(wire.sources_used(), v1::SOURCE_SCAN | v1::SOURCE_INITIAL_POSE);
+  EXPECT_EQ(wire.sources_rejected(), v1::SOURCE_WHEELS);
+  EXPECT_EQ(back.used, pose.used);
+  EXPECT_EQ(back.rejected, pose.rejected);
   EXPECT_EQ(back.frame, "r2");
   ASSERT_EQ(back.sightings.size(), 2u);
   EXPECT_EQ(back.sightings[1].track_id, 10u);
   EXPECT_EQ(back.sightings[1].robot, "r3");
+  wire.sources_rejected(256);
+  EXPECT_FALSE(fromWire(wire, back)) << "no such source";
+  EXPECT_FALSE(back.valid);
+  EXPECT_EQ(back.used, SourceSet{});
 }
 
 TEST(Adapters, PreservesContributionsExactly) {

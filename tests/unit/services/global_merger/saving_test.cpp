@@ -163,14 +163,18 @@ TEST_F(Saving, WritesStatesOfAllPoseSamplesInOrderOfTime) {
     merger.addTrajectory(pose);
   };
   add(10, false, LocalizationState::kUnlocated, PoseEvent::kNone, 0.0);
+  pose.used.add(Source::kScan);
+  pose.rejected.add(Source::kWheels);
   add(30, true, LocalizationState::kRelocalized, PoseEvent::kRelocalized, 7.5);
+  pose.used = pose.rejected = {};
   add(20, false, LocalizationState::kLost, PoseEvent::kNone, 0.0);
   add(20, true, LocalizationState::kLocalized, PoseEvent::kCorrected, 9.0);  // not causal
   add(30, true, LocalizationState::kLocalized, PoseEvent::kNone, 0.0);
   EXPECT_TRUE(merger.save(folder_.string()).empty());
   EXPECT_EQ(dataset::readFile((folder_ / "localization/r9.csv").string()),
-            "#timestamp [ns],state,event,correction [sigma]\n10,unlocated,none,0\n20,lost,none,0\n"
-            "30,relocalized,relocalized,7.5\n");
+            "#timestamp [ns],state,event,correction [sigma],used,rejected\n"
+            "10,unlocated,none,0,none,none\n20,lost,none,0,none,none\n"
+            "30,relocalized,relocalized,7.5,scan,wheels\n");
   const auto trajectory = merger.trajectories().at("r9");
   ASSERT_EQ(trajectory.poses.size(), 2U);
   EXPECT_EQ(trajectory.covariances.size(), 2U);
